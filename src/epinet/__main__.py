@@ -1,0 +1,5 @@
+"""`python -m epinet` is the command line."""
+
+from epinet.cli import main
+
+main()

@@ -1,0 +1,65 @@
+"""A camera array's intrinsics, and disparity <-> metric depth.
+
+Disparity is relative to the focus plane (0 there, positive nearer), so depth is not f * B / d:
+
+    beta = baseline * focal_length * max(width, height)
+    Z    = beta * F / (d * F * sensor + beta)
+
+with every length in mm and F the focus distance (the 4D Light Field Benchmark's model).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One view's intrinsics and the spacing of the views; lengths in mm, as in parameters.cfg."""
+
+    focal_length_mm: float
+    sensor_size_mm: float
+    """Length of the sensor's longer side."""
+    baseline_mm: float
+    """Distance between adjacent views."""
+    focus_distance_mm: float
+    """Distance at which the disparity is 0."""
+    width_px: int
+    height_px: int
+    disparity_min_px: float | None = None
+    """Bounds stated by the data set, where it does."""
+    disparity_max_px: float | None = None
+
+    @property
+    def _beta(self) -> float:
+        return self.baseline_mm * self.focal_length_mm * max(self.width_px, self.height_px)
+
+    def depth_mm(self, disparity_px: NDArray[Any]) -> NDArray[np.float32]:
+        """Depth along the optical axis of each disparity; inf at and beyond infinity.
+
+        Args:
+            disparity_px: any shape, pixels per adjacent view.
+
+        Example:
+            >>> camera = Camera(100, 35, 11, 2300, 512, 512)
+            >>> float(camera.depth_mm(np.array(0.0)))
+            2300.0
+        """
+        d = np.asarray(disparity_px, dtype=np.float64)
+        denominator = d * self.focus_distance_mm * self.sensor_size_mm + self._beta
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = self._beta * self.focus_distance_mm / denominator
+        return np.where(denominator <= 0, np.inf, depth).astype(np.float32)
+
+    def disparity_px(self, depth_mm: NDArray[Any]) -> NDArray[np.float32]:
+        """Disparity of each depth, the inverse of `depth_mm`; takes inf."""
+        z = np.asarray(depth_mm, dtype=np.float64)
+        nearness = 1.0 / z - 1.0 / self.focus_distance_mm
+        return (self._beta / self.sensor_size_mm * nearness).astype(np.float32)
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)

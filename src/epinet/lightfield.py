@@ -1,0 +1,173 @@
+"""The light field: a square grid of views of one scene, with what is known about it.
+
+Conventions (docs/conventions.md): views[row, col] from the top-left viewpoint; pixel (x, y) of
+the centre view is seen in view (row, col) at (x - d * (col - c), y - d * (row - c)), where d is
+its disparity in pixels per adjacent view; d > 0 is nearer than the focus plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.angular import gather_stacks
+from epinet.camera import Camera
+from epinet.errors import InputError
+
+LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class LightField:
+    """Views of one scene and what is known about them.
+
+    Example:
+        >>> lf = LightField(np.zeros((9, 9, 64, 48, 3), np.uint8))
+        >>> lf.grid, lf.centre, lf.stacks(9).shape
+        ((9, 9), (4, 4), (4, 9, 64, 48))
+    """
+
+    views: NDArray[Any]
+    """(V, U, H, W, C): uint8, uint16 or float32 in 0..1; C = 1 (gray) or 3 (RGB)."""
+    present: NDArray[np.bool_] = field(default=None)  # type: ignore[arg-type]
+    """(V, U): which views there are; the others are zeros. None means all."""
+    camera: Camera | None = None
+    truth: NDArray[np.float32] | None = None
+    """(H, W) disparity of the centre view in pixels per adjacent view; NaN where unknown."""
+    masks: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    """(H, W) regions of the centre view by name, e.g. "invalid"."""
+    source: Path | None = None
+    """Where it was read from."""
+    layout: str = "array"
+    """Name of the layout on disk."""
+    grid_origin: tuple[int, int] = (0, 0)
+    """(row, col) of views[0, 0] in the grid that was read."""
+    notes: tuple[str, ...] = ()
+    """What a user should know about how it was read."""
+
+    def __post_init__(self) -> None:
+        v = self.views
+        if v.ndim != 5 or v.shape[-1] not in (1, 3):
+            raise InputError(f"views must have shape (V, U, H, W, 1 or 3), got {v.shape}")
+        if v.dtype not in (np.uint8, np.uint16, np.float32):
+            raise InputError(f"views must be uint8, uint16 or float32, got {v.dtype}")
+        if self.present is None:
+            object.__setattr__(self, "present", np.ones(v.shape[:2], dtype=bool))
+        for name, image in {"truth": self.truth, **self.masks}.items():
+            if image is not None and image.shape != v.shape[2:4]:
+                raise InputError(
+                    f"{name} is {image.shape[1]}x{image.shape[0]} px, "
+                    f"the views are {v.shape[3]}x{v.shape[2]} px"
+                )
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """(rows, columns) of views."""
+        return self.views.shape[0], self.views.shape[1]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(height, width) of a view in pixels."""
+        return self.views.shape[2], self.views.shape[3]
+
+    @property
+    def bits(self) -> int:
+        """Bits per sample: 8, 16 or 32 (float)."""
+        return 8 * self.views.dtype.itemsize
+
+    @property
+    def centre(self) -> tuple[int, int]:
+        """(row, col) of the reference view, whose disparity is estimated."""
+        return (self.grid[0] - 1) // 2, (self.grid[1] - 1) // 2
+
+    @property
+    def reference(self) -> str:
+        """The reference view in words."""
+        (row, col), (row0, col0) = self.centre, self.grid_origin
+        return f"row {row + row0}, column {col + col0} (counted from 0)"
+
+    def rgb(self, row: int, col: int) -> NDArray[np.float32]:
+        """One view as (H, W, 3) in 0..1."""
+        view = self._unit(row, col)
+        return np.repeat(view, 3, axis=2) if view.shape[2] == 1 else view
+
+    def gray(self, row: int, col: int) -> NDArray[np.float32]:
+        """One view as (H, W) luma in 0..1 (.299 R + .587 G + .114 B, as in the reference)."""
+        view = self._unit(row, col)
+        gray: NDArray[np.float32] = view[..., 0] if view.shape[2] == 1 else np.dot(view, LUMA)
+        return gray
+
+    def _unit(self, row: int, col: int) -> NDArray[np.float32]:
+        view = self.views[row, col]
+        if view.dtype == np.float32:
+            return np.asarray(view)
+        unit: NDArray[np.float32] = view.astype(np.float32) / np.float32(np.iinfo(view.dtype).max)
+        return unit
+
+    def stacks(self, views: int, streams: int = 4) -> NDArray[np.float32]:
+        """Network input (streams, views, H, W) from a grid of exactly `views` x `views`."""
+        if self.grid != (views, views):
+            raise InputError(f"expected a {views}x{views} grid, this one is {self._grid_text()}")
+        return gather_stacks(self.gray, views, streams)
+
+    def central(self, views: int, step: int = 1) -> LightField:
+        """The central `views` x `views` grid, taking every `step`-th view around the reference.
+
+        An even grid first gives up its last row and column, so that it has a centre. Disparity
+        is per adjacent view, so truth and baseline grow with `step`.
+
+        Raises:
+            InputError: the grid is too small.
+        """
+        reach = step * (views // 2)
+        row, col = self.centre
+        if min(row, col) < reach or row + reach >= self.grid[0] or col + reach >= self.grid[1]:
+            stepped = f" at every {step}th view" if step > 1 else ""
+            raise InputError(
+                f"{self.source or 'light field'}: {views}x{views} views{stepped} are needed, "
+                f"the grid has {self._grid_text()}"
+            )
+        rows = slice(row - reach, row + reach + 1, step)
+        cols = slice(col - reach, col + reach + 1, step)
+        camera = self.camera
+        if camera is not None and step > 1:
+            low, high = camera.disparity_min_px, camera.disparity_max_px
+            camera = replace(
+                camera,
+                baseline_mm=camera.baseline_mm * step,
+                disparity_min_px=None if low is None else low * step,
+                disparity_max_px=None if high is None else high * step,
+            )
+        row0, col0 = self.grid_origin
+        return replace(
+            self,
+            views=self.views[rows, cols],
+            present=self.present[rows, cols],
+            truth=None if self.truth is None else self.truth * np.float32(step),
+            camera=camera,
+            grid_origin=(row0 + rows.start, col0 + cols.start),
+        )
+
+    def reordered(
+        self, *, flip_rows: bool = False, flip_cols: bool = False, transpose: bool = False
+    ) -> LightField:
+        """Correct the order of the views: first the transposition, then the flips.
+
+        The images stay as they are; only which view stands where changes.
+        """
+        views, present = self.views, self.present
+        if transpose:
+            views, present = np.swapaxes(views, 0, 1), present.T
+        if flip_rows:
+            views, present = views[::-1], present[::-1]
+        if flip_cols:
+            views, present = views[:, ::-1], present[:, ::-1]
+        return replace(self, views=views, present=present)
+
+    def _grid_text(self) -> str:
+        return f"{self.grid[0]}x{self.grid[1]}"
