@@ -1,0 +1,174 @@
+"""Which of the 8 flips and transpositions of the view grid fits the images.
+
+Two steps. Photo-consistency tells four classes apart: reversing both axes of the grid only turns
+d into -d, so two arrangements share each class. Occlusion then tells the sign (occlusion.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+
+from epinet.inspect.occlusion import Votes, occlusion_votes
+from epinet.inspect.sweep import (
+    FINE_STEP_PX,
+    TAIL,
+    Offset,
+    Star,
+    load_star,
+    rough_match,
+    rough_range,
+    sweep,
+)
+from epinet.lightfield import LightField
+
+MIN_GRID_MARGIN = 1.1
+"""The second best class must leave at least this times the residual of the best."""
+MIN_VOTES = 40
+MIN_VOTE_MARGIN = 0.4
+SIGN_LONGER_SIDE_PX = 512
+"""Occlusions are a few pixels wide and need a finer image than the classes do."""
+SIGN_STEP_PX = 0.5
+SIGN_WINDOW = 3
+"""A wider one fattens the edges, where the votes are."""
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """A correction of the view order, as `LightField.reordered` makes it."""
+
+    flip_rows: bool = False
+    flip_cols: bool = False
+    transpose: bool = False
+
+    def moves(self, offset: Offset) -> Offset:
+        """Where a view at this offset from the centre goes: transposed first, then flipped."""
+        row, col = offset[::-1] if self.transpose else offset
+        return -row if self.flip_rows else row, -col if self.flip_cols else col
+
+    @property
+    def reversed(self) -> Arrangement:
+        """The other one of the class, with both axes reversed."""
+        return Arrangement(not self.flip_rows, not self.flip_cols, self.transpose)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Command line flags; none if the order is right as it is."""
+        named = {
+            "--flip-rows": self.flip_rows,
+            "--flip-cols": self.flip_cols,
+            "--transpose": self.transpose,
+        }
+        return tuple(flag for flag, wanted in named.items() if wanted)
+
+    def apply(self, lf: LightField) -> LightField:
+        """The light field with its views put where they belong."""
+        return lf.reordered(**asdict(self))
+
+    def __str__(self) -> str:
+        return " ".join(self.flags) or "no change"
+
+
+CLASSES = (
+    Arrangement(),
+    Arrangement(flip_rows=True),
+    Arrangement(transpose=True),
+    Arrangement(flip_rows=True, transpose=True),
+)
+"""The simplest arrangement of each class; its `reversed` is the other one."""
+
+
+@dataclass(frozen=True)
+class OrderCheck:
+    """What the images say about the order of the views."""
+
+    correction: Arrangement
+    """Puts the views in order; the simplest that remains possible where undecided."""
+    decided_grid: bool
+    """Whether one class of arrangements fits clearly better than the other three."""
+    decided_sign: bool
+    """Whether occlusion tells the sign of disparity, and so the arrangement within the class."""
+    residuals: Mapping[Arrangement, float]
+    """Mean difference of intensity left by the best plane, by class (its simplest arrangement)."""
+    votes: Votes
+    """Occlusions that speak for (near) and against (far) the sign after the correction."""
+
+    @property
+    def grid_margin(self) -> float:
+        """Residual of the second best class over that of the best, 1 or more."""
+        best, second = sorted(self.residuals.values())[:2]
+        return second / max(best, 1e-9)
+
+    @property
+    def is_consistent(self) -> bool | None:
+        """Whether the order is right as given; None where that stays open."""
+        if not self.decided_grid:
+            return None
+        if self.correction == Arrangement():
+            return True if self.decided_sign else None
+        return False
+
+    @property
+    def verdict(self) -> str:
+        """One sentence for the user."""
+        if not self.decided_grid:
+            return "The images have too little texture or parallax to tell the order of the views."
+        fit = f"fits {self.grid_margin:.1f} times better than the next"
+        if not self.decided_sign:
+            either = " or ".join(str(a) for a in (self.correction, self.correction.reversed))
+            return (
+                f"The order of the views needs {either} (this {fit}); occlusions do not tell "
+                "which, so disparity may have the wrong sign."
+            )
+        seen = f"{self.votes.near} of {self.votes.near + self.votes.far} occlusions agree"
+        if self.is_consistent:
+            return f"The order of the views is right (it {fit}; {seen})."
+        return f"The order of the views is wrong: it needs {self.correction} (this {fit}; {seen})."
+
+
+def check_order(lf: LightField) -> OrderCheck:
+    """Find the arrangement of the view grid under which the images are geometrically consistent.
+
+    Only the views of the star are used, those of the largest central odd grid that are present.
+
+    Raises:
+        InputError: the grid is smaller than 3x3, or the star of views is missing.
+    """
+    star = load_star(lf)
+    residuals, (low, high) = _class_residuals(star)
+    best = min(CLASSES, key=lambda arrangement: residuals[arrangement])
+    undecided = OrderCheck(best, False, False, residuals, Votes(0, 0))
+    if undecided.grid_margin < MIN_GRID_MARGIN:
+        return replace(undecided, correction=Arrangement())
+    votes = _sign_votes(lf, best, low / star.scale, high / star.scale)
+    decided = votes.near + votes.far >= MIN_VOTES and abs(votes.margin) >= MIN_VOTE_MARGIN
+    if decided and votes.margin < 0:
+        best, votes = best.reversed, Votes(votes.far, votes.near)
+    return OrderCheck(best, True, decided, residuals, votes)
+
+
+def _class_residuals(star: Star) -> tuple[dict[Arrangement, float], tuple[float, float]]:
+    """The residual of each class, and the disparity range of the best, in working pixels.
+
+    A rough sweep of all classes finds how far disparities reach; a fine one compares the classes.
+    Without texture all residuals are 0.
+    """
+    stars = {a: star.rearranged(a.moves) for a in CLASSES}
+    rough = {a: rough_match(s) for a, s in stars.items()}
+    if not any(match.is_distinct for match in rough.values()):
+        return dict.fromkeys(CLASSES, 0.0), (0.0, 0.0)
+    low, high = rough_range(star, min(rough.values(), key=lambda match: match.residual))
+    reach = max(abs(low), abs(high))
+    fine = {a: sweep(s.rings(reach), -reach, reach, FINE_STEP_PX) for a, s in stars.items()}
+    best = min(fine.values(), key=lambda match: match.residual)
+    if not best.has_pixels:
+        return dict.fromkeys(CLASSES, 0.0), (0.0, 0.0)
+    return {a: match.residual for a, match in fine.items()}, best.disparity_percentiles(TAIL)
+
+
+def _sign_votes(lf: LightField, arrangement: Arrangement, low_px: float, high_px: float) -> Votes:
+    star = load_star(lf, SIGN_LONGER_SIDE_PX).rearranged(arrangement.moves)
+    low, high = low_px * star.scale, high_px * star.scale
+    star = star.rings(max(abs(low), abs(high)))
+    match = sweep(star, low, high, SIGN_STEP_PX, window=SIGN_WINDOW, occlusions=True)
+    return occlusion_votes(star, match) if match.has_pixels else Votes(0, 0)

@@ -1,0 +1,132 @@
+"""All that `epinet info` says of a light field: what was read, and what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from epinet.inspect.disparity_range import DisparityRange, estimate_range
+from epinet.inspect.order import OrderCheck, check_order
+from epinet.lightfield import LightField
+
+RANGE_TOLERANCE_PX = 0.3
+"""The estimated range is no better than this."""
+
+
+def inspect(lf: LightField, trained_range_px: tuple[float, float] | None) -> dict[str, Any]:
+    """Facts and measurements as plain values, fit for JSON.
+
+    Args:
+        lf: as it was read and, where asked for, reordered.
+        trained_range_px: disparities that the network was trained for, if known.
+    """
+    order = check_order(lf)
+    span = estimate_range(order.correction.apply(lf))
+    height, width = lf.size
+    return {
+        "input": None if lf.source is None else str(lf.source),
+        "layout": lf.layout,
+        "grid": {"rows": lf.grid[0], "columns": lf.grid[1], "present": int(lf.present.sum())},
+        "reference_view": lf.reference,
+        "size_px": {"height": height, "width": width},
+        "bits": lf.bits,
+        "channels": lf.views.shape[-1],
+        "camera": None if lf.camera is None else lf.camera.as_dict(),
+        "truth": _truth(lf),
+        "masks": {name: round(float(mask.mean()), 4) for name, mask in lf.masks.items()},
+        "order": _order(order),
+        "disparity_px": None if span is None else asdict(span),
+        "notes": list(lf.notes),
+        "warnings": _warnings(order, span, trained_range_px),
+    }
+
+
+def report_lines(report: dict[str, Any]) -> list[str]:
+    """The report for a terminal, a line for each fact."""
+    grid, size = report["grid"], report["size_px"]
+    views = f"{grid['rows']}x{grid['columns']}"
+    total = grid["rows"] * grid["columns"]
+    if grid["present"] < total:
+        views += f", {grid['present']} of {total} present"
+    colour = "gray" if report["channels"] == 1 else "RGB"
+    span = report["disparity_px"]
+    facts = {
+        "layout": report["layout"],
+        "views": f"{views}; reference view: {report['reference_view']}",
+        "size": f"{size['width']}x{size['height']} px, {report['bits']}-bit {colour}",
+        "camera": _camera_text(report["camera"]),
+        "truth": _truth_text(report["truth"]),
+        "masks": ", ".join(f"{n} ({100 * s:.1f} %)" for n, s in report["masks"].items()),
+        "order": report["order"]["verdict"],
+        "disparity": "cannot be estimated: too little texture"
+        if span is None
+        else f"about {span['min_px']:.1f}..{span['max_px']:.1f} px per adjacent view (estimated)",
+    }
+    lines = [str(report["input"])]
+    lines += [f"  {name + ':':<11}{text}" for name, text in facts.items() if text]
+    lines += [f"  note: {note}" for note in report["notes"]]
+    lines += [f"  warning: {warning}" for warning in report["warnings"]]
+    return lines
+
+
+def _truth(lf: LightField) -> dict[str, float] | None:
+    if lf.truth is None:
+        return None
+    known = np.isfinite(lf.truth)
+    return {
+        "min_px": float(lf.truth[known].min()),
+        "max_px": float(lf.truth[known].max()),
+        "known": float(known.mean()),
+    }
+
+
+def _order(check: OrderCheck) -> dict[str, Any]:
+    return {
+        "verdict": check.verdict,
+        "consistent": check.is_consistent,
+        "flags": list(check.correction.flags),
+        "grid_decided": check.decided_grid,
+        "grid_margin": round(check.grid_margin, 3),
+        "sign_decided": check.decided_sign,
+        "votes_for": check.votes.near,
+        "votes_against": check.votes.far,
+    }
+
+
+def _warnings(
+    order: OrderCheck, span: DisparityRange | None, trained: tuple[float, float] | None
+) -> list[str]:
+    warnings = []
+    if order.is_consistent is False:
+        flags = " ".join(order.correction.flags)
+        warnings.append(f"the views stand in the wrong order; add: {flags}")
+    if span is not None and trained is not None:
+        low, high = trained
+        outside = span.min_px < low - RANGE_TOLERANCE_PX or span.max_px > high + RANGE_TOLERANCE_PX
+        if outside or span.hits_limit:
+            reach = max(span.min_px / low, span.max_px / high) if low < 0 < high else 2.0
+            warnings.append(
+                f"disparities of {span} exceed the {low:g}..{high:g} px that the network was "
+                f"trained for; try: epinet predict --scale {max(2, int(np.ceil(reach)))}"
+            )
+    return warnings
+
+
+def _camera_text(camera: dict[str, Any] | None) -> str:
+    if camera is None:
+        return "unknown (no metric depth)"
+    text = (
+        f"focal length {camera['focal_length_mm']:g} mm, sensor {camera['sensor_size_mm']:g} mm, "
+        f"baseline {camera['baseline_mm']:g} mm, focus at {camera['focus_distance_mm']:.0f} mm"
+    )
+    low, high = camera["disparity_min_px"], camera["disparity_max_px"]
+    return text if low is None or high is None else f"{text}, stated {low:g}..{high:g} px"
+
+
+def _truth_text(truth: dict[str, float] | None) -> str:
+    if truth is None:
+        return "none"
+    text = f"{truth['min_px']:.2f}..{truth['max_px']:.2f} px"
+    return text if truth["known"] == 1 else f"{text}, known at {100 * truth['known']:.1f} %"

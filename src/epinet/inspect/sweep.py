@@ -1,0 +1,247 @@
+"""Plane sweep over the star of views: which disparity explains each centre pixel best.
+
+Coarse on purpose: it tells the order of the views and the range of disparities on images scaled
+down to working pixels, and is no rival to the network. Disparities here are in working pixels
+per adjacent view; `Star.scale` leads back to view pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from epinet.angular import star_positions
+from epinet.errors import InputError
+from epinet.lightfield import LightField
+
+LONGER_SIDE_PX = 256
+"""Longer side of the working images, unless told otherwise."""
+SEARCH_PX = 32.0
+"""Largest |disparity| looked for, in view pixels per adjacent view."""
+REACH_PX = 16.0
+"""Views farther out are left aside where they would move by more, in working pixels."""
+WINDOW = 5
+"""Costs are means over WINDOW x WINDOW working pixels, unless told otherwise."""
+TRUNCATION = 0.1
+"""Differences of intensity count as at most this, so that hidden pixels cost a bounded sum."""
+MIN_CONTRAST = 0.005
+"""Standard deviation of intensity within a window, below which it has no texture."""
+ROUGH_STEP_PX, FINE_STEP_PX = 0.5, 0.25
+"""How far the outermost views move from plane to plane."""
+SLACK_PX = 1.0
+"""A fine sweep looks this much beyond the rough range."""
+TAIL = 0.005
+"""Share of the pixels left out at each end of a range."""
+MIN_DISTINCTION = 1.6
+"""Cost of a chance plane over that of the best one: 1.25 is measured for noise alone, 2.5 and
+more for faint texture under as much noise."""
+MIN_PIXELS = 50
+"""Fewer usable working pixels than this tell nothing."""
+
+Offset = tuple[int, int]
+"""(rows, columns) from the centre view to another."""
+
+
+@dataclass(frozen=True)
+class Star:
+    """The star views in gray, in working pixels."""
+
+    centre: Tensor
+    """(H, W) intensity, 0..1."""
+    views: Tensor
+    """(N, H, W) the other views, each brought to the mean brightness of the centre view."""
+    offsets: tuple[Offset, ...]
+    """Where each view stands."""
+    scale: float
+    """Working pixels per view pixel, at most 1."""
+
+    @property
+    def radius(self) -> int:
+        """Offset of the outermost views."""
+        return max(_ring(offset) for offset in self.offsets)
+
+    @property
+    def search(self) -> float:
+        """Largest |disparity| to look for: `SEARCH_PX`, or a third of a small image."""
+        return min(SEARCH_PX * self.scale, min(self.centre.shape) / 3)
+
+    def rings(self, disparity: float) -> Star:
+        """The views of two rings, as far out as a disparity of this size stays within reach."""
+        reach = min(REACH_PX, min(self.centre.shape) / 4)
+        inmost = min(_ring(offset) for offset in self.offsets)
+        outer = max(inmost, min(self.radius, int(reach / max(disparity, 1e-3))))
+        kept = [i for i, o in enumerate(self.offsets) if _ring(o) in (outer, (outer + 1) // 2)]
+        return replace(self, views=self.views[kept], offsets=tuple(self.offsets[i] for i in kept))
+
+    def rearranged(self, arrange: Callable[[Offset], Offset]) -> Star:
+        """The same images with the views standing elsewhere."""
+        return replace(self, offsets=tuple(arrange(offset) for offset in self.offsets))
+
+
+@dataclass(frozen=True)
+class Match:
+    """The best plane for each centre pixel."""
+
+    cost: Tensor
+    """(H, W) mean truncated difference of intensity in the window."""
+    disparity: Tensor
+    """(H, W) working pixels per adjacent view."""
+    usable: Tensor
+    """(H, W) bool: textured, and within all views at its disparity."""
+    chance_cost: Tensor
+    """(H, W) mean cost over all planes: what a wrong plane leaves."""
+
+    @property
+    def has_pixels(self) -> bool:
+        """Whether there are enough usable pixels to say anything."""
+        return int(self.usable.sum()) >= MIN_PIXELS
+
+    @property
+    def is_distinct(self) -> bool:
+        """Whether the best planes fit clearly better than chance, as they do not for mere noise.
+
+        Meant for a wide sweep: in a narrow one all planes may fit.
+        """
+        if not self.has_pixels:
+            return False
+        return float(self.chance_cost[self.usable].mean()) > MIN_DISTINCTION * self.residual
+
+    @property
+    def typical_cost(self) -> float:
+        """Median cost of the usable pixels: about the noise of the views."""
+        return float(self.cost[self.usable].median())
+
+    @property
+    def residual(self) -> float:
+        """Mean cost of the usable pixels; infinite if they are too few."""
+        return float(self.cost[self.usable].mean()) if self.has_pixels else float("inf")
+
+    def disparity_percentiles(self, tail: float) -> tuple[float, float]:
+        """Range of the disparities of well explained pixels, leaving out a share at each end."""
+        good = self.usable & (self.cost <= 4 * self.typical_cost)
+        values = np.percentile(self.disparity[good].numpy(), [100 * tail, 100 * (1 - tail)])
+        return float(values[0]), float(values[1])
+
+
+def load_star(lf: LightField, longer_side_px: int = LONGER_SIDE_PX) -> Star:
+    """The star views of the largest central odd grid; views that are not present are left out.
+
+    Raises:
+        InputError: the grid is smaller than 3x3, or lacks the centre or all other star views.
+    """
+    side = min(lf.grid) - 1 + min(lf.grid) % 2
+    if side < 3:
+        raise InputError(f"{lf.source or 'light field'}: at least 3x3 views are needed")
+    grid, middle = lf.central(side), side // 2
+    positions = [p for p in star_positions(side) if grid.present[p] and p != (middle, middle)]
+    if not positions or not grid.present[middle, middle]:
+        raise InputError(f"{lf.source or 'light field'}: the centre view or the star is missing")
+    scale = min(1.0, longer_side_px / max(lf.size))
+    centre = _working(grid.gray(middle, middle), scale)
+    views = torch.stack([_working(grid.gray(*p), scale) for p in positions])
+    gain = centre.mean() / views.mean(dim=(1, 2), keepdim=True).clamp_min(1e-6)
+    offsets = tuple((row - middle, col - middle) for row, col in positions)
+    return Star(centre, views * gain, offsets, scale)
+
+
+def sweep(
+    star: Star,
+    low: float,
+    high: float,
+    step_px: float,
+    window: int = WINDOW,
+    occlusions: bool = False,
+) -> Match:
+    """Try planes from `low` to `high`, the outermost views moving by `step_px` between two.
+
+    occlusions: judge a pixel by the best half of the views (left, right, upper or lower), since
+        what hides it from one side leaves it visible from the other.
+    """
+    groups = _halves(star.offsets) if occlusions else [list(range(len(star.offsets)))]
+    planes = max(2, int(np.ceil((high - low) * star.radius / step_px)) + 1)
+    cost = torch.full_like(star.centre, torch.inf)
+    disparity, total = torch.zeros_like(cost), torch.zeros_like(cost)
+    for d in np.linspace(low, high, planes):
+        moved = _differences(star, float(d))
+        tried = _box(torch.stack([moved[group].mean(0) for group in groups]), window).amin(0)
+        disparity[tried < cost] = float(d)
+        cost = torch.minimum(cost, tried)
+        total += tried
+    inside = _edge_distance(cost) >= disparity.abs() * star.radius + window // 2
+    return Match(cost, disparity, inside & _textured(star.centre), total / planes)
+
+
+def rough_match(star: Star) -> Match:
+    """A sweep over all that is searched, with views near the centre."""
+    return sweep(star.rings(star.search), -star.search, star.search, ROUGH_STEP_PX)
+
+
+def rough_range(star: Star, match: Match) -> tuple[float, float]:
+    """Where a finer sweep should look, in working pixels, from a rough match."""
+    low, high = match.disparity_percentiles(TAIL)
+    return max(-star.search, low - SLACK_PX), min(star.search, high + SLACK_PX)
+
+
+def _ring(offset: Offset) -> int:
+    return max(abs(offset[0]), abs(offset[1]))
+
+
+def _halves(offsets: tuple[Offset, ...]) -> list[list[int]]:
+    sides = [
+        [i for i, offset in enumerate(offsets) if sign * offset[axis] > 0]
+        for axis in (0, 1)
+        for sign in (-1, 1)
+    ]
+    return [side for side in sides if side]
+
+
+def _working(gray: NDArray[np.float32], scale: float) -> Tensor:
+    """Scale down and blur a little: interpolation between pixels needs smooth images."""
+    image = torch.from_numpy(np.ascontiguousarray(gray))[None, None]
+    if scale < 1:
+        size = [max(1, round(scale * side)) for side in gray.shape]
+        image = functional.interpolate(image, size, mode="bilinear", antialias=True)
+    kernel = torch.tensor([0.25, 0.5, 0.25])
+    padded = functional.pad(image, (1, 1, 1, 1), mode="replicate")
+    return functional.conv2d(padded, torch.outer(kernel, kernel)[None, None])[0, 0]
+
+
+def _box(images: Tensor, window: int) -> Tensor:
+    """Mean over the window around each pixel of images (N, H, W)."""
+    return functional.avg_pool2d(images, window, 1, window // 2, count_include_pad=False)
+
+
+def _edge_distance(image: Tensor) -> Tensor:
+    """(H, W) pixels to the nearest side of the image; 0 on its border."""
+    rows, cols = (torch.arange(side) for side in image.shape)
+    return torch.minimum(
+        torch.minimum(rows, rows.flip(0))[:, None], torch.minimum(cols, cols.flip(0))[None, :]
+    )
+
+
+def _textured(image: Tensor) -> Tensor:
+    mean, mean_square = _box(torch.stack([image, image**2]), WINDOW)
+    return torch.gt(mean_square - mean**2, MIN_CONTRAST**2)
+
+
+def _differences(star: Star, disparity: float) -> Tensor:
+    """(N, H, W) truncated |view - centre|, each view moved back for the plane."""
+    moved = [
+        _shifted_rows(_shifted_rows(view, -disparity * row).T, -disparity * col).T
+        for view, (row, col) in zip(star.views, star.offsets, strict=True)
+    ]
+    return (torch.stack(moved) - star.centre).abs_().clamp_(max=TRUNCATION)
+
+
+def _shifted_rows(image: Tensor, rows: float) -> Tensor:
+    """image[y + rows, x] by linear interpolation; the border repeats."""
+    whole = int(np.floor(rows))
+    index = torch.arange(whole, whole + image.shape[0] + 1).clamp_(0, image.shape[0] - 1)
+    source = image[index]
+    return torch.lerp(source[:-1], source[1:], rows - whole)

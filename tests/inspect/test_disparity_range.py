@@ -1,0 +1,58 @@
+"""The range of disparities is measured within tolerance, whatever its place and width."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from epinet.inspect import estimate_range
+from epinet.lightfield import LightField
+
+Renderer = Callable[..., LightField]
+
+DISC, DISC_2 = (0.3, 0.35, 0.17), (0.7, 0.45, 0.17)
+
+
+@pytest.mark.parametrize(
+    ("disparities", "grid", "tolerance"),
+    [
+        ((-1.0, 0.1, 1.2), 9, 0.2),
+        ((-3.0, -2.2, -1.5), 9, 0.2),
+        ((0.1, 0.4, 0.8), 9, 0.2),
+        ((-1.5, 0.0, 2.0), 3, 0.3),
+    ],
+)
+def test_range_of_layers(
+    disparities: tuple[float, float, float], grid: int, tolerance: float, render: Renderer
+) -> None:
+    far, middle, near = disparities
+    lf = render({far: None, middle: DISC, near: DISC_2}, grid, noise=0.005)
+    measured = estimate_range(lf)
+    assert measured is not None and not measured.hits_limit
+    assert (measured.min_px, measured.max_px) == pytest.approx((far, near), abs=tolerance)
+
+
+def test_wide_baseline(render: Renderer) -> None:
+    lf = render({-25: None, -8: DISC, 5: DISC_2}, grid=3, size=(200, 220))
+    measured = estimate_range(lf)
+    assert measured is not None and not measured.hits_limit
+    assert (measured.min_px, measured.max_px) == pytest.approx((-25, 5), abs=0.5)
+
+
+def test_end_of_the_search_is_reported(render: Renderer) -> None:
+    measured = estimate_range(render({31.9: None}, grid=3, size=(150, 150)))
+    assert measured is not None and measured.hits_limit
+    assert "wider" in str(measured)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_flat_gray_has_no_range(noise: float, render: Renderer) -> None:
+    assert estimate_range(render({0.5: None}, grid=3, contrast=0, noise=noise)) is None
+
+
+def test_images_larger_than_working_size_are_measured_in_their_own_pixels(render: Renderer) -> None:
+    lf = render({-2: None, 3: DISC}, grid=3, size=(300, 400))
+    big = lf.views.repeat(2, axis=2).repeat(2, axis=3)
+    measured = estimate_range(LightField(np.ascontiguousarray(big)))
+    assert measured is not None
+    assert (measured.min_px, measured.max_px) == pytest.approx((-4, 6), abs=0.5)
