@@ -1,0 +1,14 @@
+"""Disk <-> LightField, a module per layout; disparity maps as PFM."""
+
+from epinet.io.convert import write_light_field
+from epinet.io.pfm import read_pfm, write_pfm
+from epinet.io.read import LAYOUTS, is_light_field, read_light_field
+
+__all__ = [
+    "LAYOUTS",
+    "is_light_field",
+    "read_light_field",
+    "read_pfm",
+    "write_light_field",
+    "write_pfm",
+]

@@ -1,0 +1,120 @@
+"""Layout `array`: a numpy file, and what any array must be to serve as views.
+
+`.npy` holds (V, U, H, W) or (V, U, H, W, C); `.npz` holds it as `views` (or as its only array of 4
+or 5 axes), with an optional (H, W) `truth`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.errors import InputError
+from epinet.io.layout import Layout
+from epinet.io.problems import parsing
+from epinet.io.truth import checked_truth
+from epinet.lightfield import LightField
+
+_SUFFIXES = (".npy", ".npz")
+
+
+def recognises(path: Path) -> bool:
+    """Whether it is named like a numpy file."""
+    return path.suffix.lower() in _SUFFIXES
+
+
+def read(path: Path) -> LightField:
+    """Read views and, from an .npz, the truth.
+
+    Raises:
+        InputError: a damaged file, arrays of another shape or type, or unusable truth.
+    """
+    with parsing(path, "a numpy file"):
+        arrays = _load(path)
+    lf = light_field_of(_views(path, arrays), path)
+    if "truth" not in arrays:
+        return lf
+    return replace(lf, truth=checked_truth(arrays["truth"], lf.size, f"{path}, truth"))
+
+
+def write(path: Path, lf: LightField) -> None:
+    """Write the views; an .npz takes the truth as well."""
+    with path.open("wb") as file:
+        if path.suffix.lower() == ".npy":
+            np.save(file, lf.views)
+        elif lf.truth is None:
+            np.savez(file, views=lf.views)
+        else:
+            np.savez(file, views=lf.views, truth=lf.truth)
+
+
+def light_field_of(array: NDArray[Any], path: Path) -> LightField:
+    """A light field from (V, U, H, W) gray or (V, U, H, W, C) views; a 4th channel is dropped.
+
+    Takes uint8, uint16, and float32 or float64 in 0..1 (both become float32). A view that is 0
+    throughout counts as not present.
+
+    Raises:
+        InputError: another shape, type or range.
+    """
+    if array.ndim == 4:
+        array = array[..., None]
+    if array.ndim != 5 or array.shape[4] not in (1, 3, 4) or array.size == 0:
+        raise InputError(
+            f"{path}: views of shape {array.shape}; expected (rows, columns, height, width) or "
+            "(rows, columns, height, width, channels) with 1, 3 or 4 channels"
+        )
+    if array.shape[4] == 4:
+        array = array[..., :3]
+    if array.dtype.kind == "f" and array.dtype.itemsize in (4, 8):
+        if not (np.isfinite(array).all() and array.min() >= 0 and array.max() <= 1):
+            raise InputError(f"{path}: float views must be finite and lie in 0..1; divide them")
+        dtype = np.dtype(np.float32)
+    elif array.dtype.kind == "u" and array.dtype.itemsize in (1, 2):
+        dtype = array.dtype.newbyteorder("=")
+    else:
+        raise InputError(
+            f"{path}: views are {array.dtype}; expected uint8, uint16, or float32/float64 in 0..1"
+        )
+    views = np.ascontiguousarray(array, dtype=dtype)
+    return LightField(views, present_views(views))
+
+
+def present_views(views: NDArray[Any]) -> NDArray[np.bool_]:
+    """(V, U): which views of an array are there, that is, not 0 throughout."""
+    return np.asarray(views.any(axis=(2, 3, 4)))
+
+
+def _load(path: Path) -> dict[str, NDArray[Any]]:
+    with path.open("rb") as file:
+        if not file.read(6).startswith((b"\x93NUMPY", b"PK")):
+            raise InputError(f"{path}: not a numpy file, or its beginning is damaged")
+    loaded = np.load(path, allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        return {"views": loaded}
+    with loaded:
+        return dict(loaded)
+
+
+def _views(path: Path, arrays: dict[str, NDArray[Any]]) -> NDArray[Any]:
+    if "views" in arrays:
+        return arrays["views"]
+    candidates = [name for name, array in arrays.items() if array.ndim in (4, 5)]
+    if len(candidates) != 1:
+        found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items()) or "nothing"
+        raise InputError(f"{path}: needs an array named views; it holds {found}")
+    return arrays[candidates[0]]
+
+
+LAYOUT = Layout(
+    name="array",
+    description="numpy .npy, or .npz with `views` and optional `truth`: (rows, columns, H, W[, C])",
+    recognises=recognises,
+    read=read,
+    write=write,
+    suffixes=_SUFFIXES,
+)

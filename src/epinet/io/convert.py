@@ -1,0 +1,44 @@
+"""Writing a light field in any layout that can be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from epinet.errors import InputError
+from epinet.io.atomic import atomic_folder, atomic_path
+from epinet.io.read import named_layout
+from epinet.lightfield import LightField
+
+
+def write_light_field(
+    path: str | Path, lf: LightField, layout: str, *, overwrite: bool = False
+) -> None:
+    """Write a light field, its views without loss.
+
+    Camera, truth and masks are kept by `hci`; truth also by `array` (.npz), and by `hci_hdf5`
+    where the camera is known. A failure leaves what was there before.
+
+    Args:
+        path: the folder or file to make.
+        lf: what to write.
+        layout: a name of LAYOUTS.
+        overwrite: replace what is at `path`; a folder is replaced as a whole.
+
+    Raises:
+        InputError: an unknown layout, a suffix that is not the layout's, something at `path`
+            already, a light field that the layout cannot hold, or an unwritable path.
+
+    Example:
+        >>> write_light_field("antinous.npz", lf, "array")  # doctest: +SKIP
+    """
+    path = Path(path)
+    chosen = named_layout(layout)
+    if chosen.suffixes and path.suffix.lower() not in chosen.suffixes:
+        raise InputError(
+            f"{path}: a file of the layout {layout} is named {' or '.join(chosen.suffixes)}"
+        )
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: already exists; remove it or choose another name")
+    atomic = atomic_folder if chosen.is_folder else atomic_path
+    with atomic(path) as temporary:
+        chosen.write(temporary, lf)

@@ -1,0 +1,158 @@
+"""Layout `hci`: folders of the 4D Light Field Benchmark.
+
+`input_Cam000.png` onwards (index = columns * row + col from the top-left), and where they exist
+`parameters.cfg`, `gt_disp_lowres.pfm` and the masks `invalid_mask.png`, `valid_mask.png` and
+`mask_<name>_lowres.png`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from math import isqrt
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.camera import Camera
+from epinet.errors import InputError
+from epinet.io.folder import read_grid, write_views
+from epinet.io.images import image_files, read_mask, write_png
+from epinet.io.layout import Layout
+from epinet.io.parameters import Parameters, read_parameters, write_parameters
+from epinet.io.pfm import read_pfm, write_pfm
+from epinet.io.problems import Problems
+from epinet.io.truth import checked_truth
+from epinet.lightfield import LightField
+
+Size = tuple[int, int]
+"""(height, width) in pixels."""
+
+_VIEW = re.compile(r"input_cam(\d+)", re.IGNORECASE)
+_TRUTH = "gt_disp_lowres.pfm"
+_PARAMETERS = "parameters.cfg"
+_BENCHMARK_SIDE = 9
+
+
+def recognises(folder: Path) -> bool:
+    """Whether any image is named like a view of the benchmark."""
+    return any(_VIEW.fullmatch(file.stem) for file in image_files(folder))
+
+
+def read(folder: Path) -> LightField:
+    """Read a scene: all views or only the star, with camera, truth and masks where present.
+
+    Raises:
+        InputError: all that is wrong with any of its files.
+    """
+    problems = Problems()
+    parameters = Parameters()
+    if (folder / _PARAMETERS).exists():
+        with problems.gather():
+            parameters = read_parameters(folder / _PARAMETERS)
+    lf: LightField | None = None
+    with problems.gather():
+        lf = _read_views(folder, parameters.side)
+    size = None if lf is None else lf.size
+    with problems.gather():
+        _check_camera(parameters.camera, size, folder)
+    truth, masks = None, {}
+    if (folder / _TRUTH).exists():
+        with problems.gather():
+            truth = checked_truth(read_pfm(folder / _TRUTH), size, folder / _TRUTH)
+    for name, path in _mask_files(folder).items():
+        with problems.gather():
+            masks[name] = _read_mask(path, size)
+    if lf is None or problems:
+        raise InputError(problems)
+    return replace(lf, camera=parameters.camera, truth=truth, masks=masks)
+
+
+def write(folder: Path, lf: LightField) -> None:
+    """Write everything that `read` reads."""
+    side = lf.grid[1]
+    write_views(folder, lf, lambda row, col: f"input_Cam{side * row + col:03d}.png")
+    write_parameters(folder / _PARAMETERS, lf)
+    if lf.truth is not None:
+        write_pfm(folder / _TRUTH, lf.truth)
+    for name, mask in lf.masks.items():
+        write_png(folder / _mask_name(name), mask.astype(np.uint8) * np.uint8(255))
+
+
+def _read_views(folder: Path, stated_side: int | None) -> LightField:
+    problems = Problems()
+    by_index: dict[int, Path] = {}
+    for file in image_files(folder):
+        if match := _VIEW.fullmatch(file.stem):
+            index = int(match[1])
+            if index in by_index:
+                problems.append(f"{file}: view {index} is also {by_index[index].name}; remove one")
+            by_index[index] = file
+    if not by_index:
+        raise InputError(f"{folder}: no image is named input_Cam000.png or alike")
+    problems.raise_any()
+    side = stated_side or _guess_side(folder, by_index)
+    if max(by_index) >= side * side:
+        raise InputError(
+            f"{by_index[max(by_index)]}: {_PARAMETERS} says {side}x{side} views, "
+            f"so the last is input_Cam{side * side - 1:03d}"
+        )
+    files = {divmod(index, side): file for index, file in by_index.items()}
+    suffix = next(iter(by_index.values())).suffix
+    return read_grid(
+        files, side, lambda row, col: f"input_Cam{side * row + col:03d}{suffix}", folder
+    )
+
+
+def _guess_side(folder: Path, by_index: dict[int, Path]) -> int:
+    """9 as in the benchmark, unless the indexes can only mean another square grid."""
+    count = max(by_index) + 1
+    side = isqrt(count)
+    beyond = count > _BENCHMARK_SIDE**2
+    if side * side == count and (beyond or len(by_index) == count):
+        return side
+    if beyond:
+        raise InputError(
+            f"{folder}: views go up to {by_index[count - 1].name}, {count} is no square number; "
+            f"state num_cams_x and num_cams_y under [extrinsics] in {_PARAMETERS}"
+        )
+    return _BENCHMARK_SIDE
+
+
+def _check_camera(camera: Camera | None, size: Size | None, folder: Path) -> None:
+    if camera and size and (camera.height_px, camera.width_px) != size:
+        raise InputError(
+            f"{folder / _PARAMETERS}: image_resolution is {camera.width_px}x{camera.height_px} px, "
+            f"the views are {size[1]}x{size[0]} px"
+        )
+
+
+def _mask_files(folder: Path) -> dict[str, Path]:
+    candidates = {name: folder / _mask_name(name) for name in ("invalid", "valid")}
+    for path in sorted(folder.glob("mask_*_lowres.png")):
+        candidates[path.name.removeprefix("mask_").removesuffix("_lowres.png")] = path
+    return {name: path for name, path in candidates.items() if path.exists()}
+
+
+def _mask_name(name: str) -> str:
+    return f"{name}_mask.png" if name in ("invalid", "valid") else f"mask_{name}_lowres.png"
+
+
+def _read_mask(path: Path, size: Size | None) -> NDArray[np.bool_]:
+    mask = read_mask(path)
+    if size is not None and mask.shape != size:
+        raise InputError(
+            f"{path}: the mask is {mask.shape[1]}x{mask.shape[0]} px, "
+            f"the views are {size[1]}x{size[0]} px"
+        )
+    return mask
+
+
+LAYOUT = Layout(
+    name="hci",
+    description="folder of input_Cam000.png ..., as in the 4D Light Field Benchmark",
+    recognises=recognises,
+    read=read,
+    write=write,
+)

@@ -1,0 +1,114 @@
+"""Layout `hci_hdf5`: the older HCI light field archive (Wanner, Meister, Goldluecke 2013).
+
+`/LF` (v, h, y, x, c); `/GT_DEPTH` (y, x) or (v, h, y, x), where present; and the root attributes dH
+and dV (distance of the views), focalLength (in pixels) and shift, by which
+
+    disparity = dH * focalLength / depth - shift
+
+in pixels per adjacent view, larger when nearer. Most readers of the archive's files reverse h (its
+cameras are stored right to left), some do not, and the file does not say: the images decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.errors import InputError
+from epinet.inspect.order import Arrangement, check_order
+from epinet.io.array import light_field_of
+from epinet.io.layout import Layout
+from epinet.io.problems import parsing
+from epinet.io.truth import checked_truth
+from epinet.lightfield import LightField
+
+_SUFFIXES = (".h5", ".hdf5")
+REVERSED_COLUMNS = Arrangement(flip_cols=True)
+_REVERSED_NOTE = "the views' columns were stored right to left (measured) and have been reversed"
+
+
+def recognises(path: Path) -> bool:
+    """Whether it is named like an HDF5 file."""
+    return path.suffix.lower() in _SUFFIXES
+
+
+def read(path: Path) -> LightField:
+    """Read the views, left to right, and the truth where depth and attributes allow.
+
+    Raises:
+        InputError: a damaged file, no usable /LF, or a depth of another size.
+    """
+    import h5py
+
+    with parsing(path, "HDF5"), h5py.File(path, "r") as file:
+        if "LF" not in file:
+            raise InputError(f"{path}: no dataset /LF; it holds {', '.join(file) or 'nothing'}")
+        array = file["LF"][...]
+        depth = file["GT_DEPTH"][...] if "GT_DEPTH" in file else None
+        attributes = {name: float(np.ravel(file.attrs[name])[0]) for name in _stated(file.attrs)}
+    lf = _left_to_right(light_field_of(array, path))
+    if depth is None:
+        return lf
+    if len(attributes) < 3:
+        note = "GT_DEPTH is left out: the attributes dH, focalLength and shift are needed with it"
+        return replace(lf, notes=(*lf.notes, note))
+    if depth.ndim == 4 and depth.shape[:2] == lf.grid:
+        depth = depth[lf.centre]
+    truth = checked_truth(_disparity_px(depth, attributes), lf.size, f"{path}, GT_DEPTH")
+    return replace(lf, truth=truth)
+
+
+def _left_to_right(lf: LightField) -> LightField:
+    """Reverse the columns if only that makes the views consistent."""
+    if min(lf.grid) < 3:
+        return lf
+    check = check_order(lf)
+    needed = (
+        {check.correction} if check.decided_sign else {check.correction, check.correction.reversed}
+    )
+    if not check.decided_grid or REVERSED_COLUMNS not in needed:
+        return lf
+    return replace(REVERSED_COLUMNS.apply(lf), notes=(*lf.notes, _REVERSED_NOTE))
+
+
+def write(path: Path, lf: LightField) -> None:
+    """Write the views in their order, and the truth (as depth in mm) if the camera is known."""
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        file["LF"] = lf.views
+        if lf.camera is None:
+            return
+        c = lf.camera
+        focal_length_px = c.focal_length_mm * max(c.width_px, c.height_px) / c.sensor_size_mm
+        file.attrs["dH"] = file.attrs["dV"] = c.baseline_mm
+        file.attrs["focalLength"] = focal_length_px
+        file.attrs["shift"] = c.baseline_mm * focal_length_px / c.focus_distance_mm
+        if lf.truth is not None:
+            file["GT_DEPTH"] = c.depth_mm(lf.truth)
+
+
+def _stated(attributes: Mapping[str, Any]) -> list[str]:
+    return [name for name in ("dH", "focalLength", "shift") if name in attributes]
+
+
+def _disparity_px(depth: NDArray[Any], attributes: Mapping[str, float]) -> NDArray[np.float32]:
+    """NaN where the depth is not positive; infinitely far is -shift."""
+    depth = np.where(depth > 0, depth, np.nan).astype(np.float64)
+    disparity = attributes["dH"] * attributes["focalLength"] / depth - attributes["shift"]
+    return disparity.astype(np.float32)
+
+
+LAYOUT = Layout(
+    name="hci_hdf5",
+    description="HDF5 of the older HCI archive: /LF, optionally /GT_DEPTH",
+    recognises=recognises,
+    read=read,
+    write=write,
+    suffixes=_SUFFIXES,
+)

@@ -1,0 +1,30 @@
+"""What a layout on disk is: a name, and how to recognise, read and write it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from epinet.lightfield import LightField
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A way in which light fields lie on disk; each module of a layout ends by stating its own."""
+
+    name: str
+    description: str
+    """One line for the user: what the folder or file holds."""
+    recognises: Callable[[Path], bool]
+    """Whether a folder (or file) looks like this layout. May be wrong about a broken one."""
+    read: Callable[[Path], LightField]
+    """Raises InputError with all that is wrong."""
+    write: Callable[[Path, LightField], None]
+    """Fills an empty folder, or writes a file."""
+    suffixes: tuple[str, ...] = ()
+    """Of the files written; empty for a layout that is a folder."""
+
+    @property
+    def is_folder(self) -> bool:
+        return not self.suffixes

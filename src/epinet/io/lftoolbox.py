@@ -1,0 +1,103 @@
+"""Layout `lftoolbox`: a .mat file of Dansereau's Light Field Toolbox for Matlab.
+
+Variable `LF` (t, s, v, u, c): t and s are row and column of the view, v and u of the pixel; a 4th
+channel is a weight and is dropped. Matlab's v5 files, and v7.3 ones, which are HDF5 with the axes
+reversed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.errors import InputError
+from epinet.io.array import light_field_of
+from epinet.io.layout import Layout
+from epinet.io.problems import parsing
+from epinet.lightfield import LightField
+
+_USER_BLOCK_BYTES = 512
+_V5_LIMIT_BYTES = 2**31 - 1
+
+
+def recognises(path: Path) -> bool:
+    """Whether it is named like a .mat file."""
+    return path.suffix.lower() == ".mat"
+
+
+def read(path: Path) -> LightField:
+    """Read the views of either version.
+
+    Raises:
+        InputError: a damaged file, or no usable variable LF.
+    """
+    import h5py
+
+    with parsing(path, "a .mat file"):
+        array = _read_v73(path) if h5py.is_hdf5(path) else _read_v5(path)
+    return light_field_of(array, path)
+
+
+def write(path: Path, lf: LightField) -> None:
+    """Write `LF`: v5, or v7.3 where it is too large for v5 (2 GiB)."""
+    if lf.views.nbytes > _V5_LIMIT_BYTES:
+        write_v73(path, lf)
+    else:
+        write_v5(path, lf)
+
+
+def write_v5(path: Path, lf: LightField) -> None:
+    """Write `LF` as Matlab v5."""
+    from scipy.io import savemat
+
+    with path.open("wb") as file:
+        savemat(file, {"LF": lf.views})
+
+
+def write_v73(path: Path, lf: LightField) -> None:
+    """Write `LF` as Matlab v7.3."""
+    import h5py
+
+    matlab_class = "single" if lf.views.dtype == np.float32 else lf.views.dtype.name
+    with h5py.File(path, "w", userblock_size=_USER_BLOCK_BYTES) as file:
+        file["LF"] = lf.views.T
+        file["LF"].attrs["MATLAB_class"] = np.bytes_(matlab_class)
+    text = b"MATLAB 7.3 MAT-file, written by epinet".ljust(116)
+    version_and_byte_order = b"\0" * 8 + b"\x00\x02" + b"IM"
+    with path.open("r+b") as raw:
+        raw.write(text + version_and_byte_order)
+
+
+def _read_v5(path: Path) -> NDArray[Any]:
+    from scipy.io import loadmat, whosmat
+
+    variables = [name for name, _, _ in whosmat(path)]
+    if "LF" not in variables:
+        raise _no_lf(path, variables)
+    return np.asarray(loadmat(path, variable_names=["LF"])["LF"])
+
+
+def _read_v73(path: Path) -> NDArray[Any]:
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        if "LF" not in file:
+            raise _no_lf(path, list(file))
+        return np.asarray(file["LF"][...]).T
+
+
+def _no_lf(path: Path, found: list[str]) -> InputError:
+    return InputError(f"{path}: no variable LF; it holds {', '.join(found) or 'nothing'}")
+
+
+LAYOUT = Layout(
+    name="lftoolbox",
+    description=".mat of the Light Field Toolbox: variable LF (t, s, v, u, c)",
+    recognises=recognises,
+    read=read,
+    write=write,
+    suffixes=(".mat",),
+)

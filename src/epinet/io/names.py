@@ -1,0 +1,47 @@
+"""Numbers in file names."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Split into the largest group of names that differ in their numbers only, and the rest."""
+    groups: dict[str, list[Path]] = defaultdict(list)
+    for file in files:
+        groups[re.sub(rf"-?{_NUMBER.pattern}", "#", file.name)].append(file)
+    group = max(groups.values(), key=len, default=[])
+    return group, [file for file in files if file not in group]
+
+
+def integer_fields(files: list[Path]) -> dict[int, list[int]]:
+    """The values of each number of names that are alike, if whole in all of them.
+
+    Keys count the numbers of a name from 0; "out_00_16_-776.88_" has fields 0 and 1.
+    """
+    rows = [_NUMBER.findall(file.stem) for file in files]
+    columns = enumerate(zip(*rows, strict=True))
+    return {i: [int(text) for text in column] for i, column in columns if _all_whole(column)}
+
+
+def renumbered(sample: Path, numbers: Mapping[int, int]) -> str:
+    """The name of `sample` with other numbers in some fields; fractional ones become `*`."""
+    fields = iter(range(len(sample.stem)))
+
+    def replacement(match: re.Match[str]) -> str:
+        field = next(fields)
+        if field in numbers:
+            width = len(match[0]) if match[0].startswith("0") else 0
+            return f"{numbers[field]:0{width}d}"
+        return "*" if "." in match[0] else match[0]
+
+    return _NUMBER.sub(replacement, sample.stem) + sample.suffix
+
+
+def _all_whole(texts: tuple[str, ...]) -> bool:
+    return all(text.isdecimal() for text in texts)

@@ -1,0 +1,105 @@
+"""PFM (portable float map), the benchmark's format of disparity maps.
+
+Three header lines (`Pf` gray or `PF` colour, `width height`, `scale`), then float32 rows from the
+bottom up. The scale's sign is the byte order: negative is little-endian. Its magnitude is not
+applied: values are returned as they are stored, as the benchmark does.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.errors import InputError
+from epinet.io.atomic import atomic_path
+from epinet.io.problems import parsing
+
+_GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
+_HEADER = re.compile(rb"(P[Ff])" + _GAP + rb"(\S+)" + _GAP + rb"(\S+)" + _GAP + rb"(\S+)")
+_LINE_END = re.compile(rb"[ \t]*(?:#[^\r\n]*)?(?:\r\n|\n|\r)")
+
+
+def read_pfm(path: str | Path) -> NDArray[np.float32]:
+    """Read a map, top row first: (H, W) of a gray file, (H, W, 3) of a colour one.
+
+    Every value comes back bit for bit (NaN payloads too). CRLF headers and `#` comments are
+    accepted.
+
+    Raises:
+        InputError: no such file, not a PFM, or a header that does not fit the data's length.
+    """
+    path = Path(path)
+    with parsing(path, "PFM"):
+        data = path.read_bytes()
+    header = _HEADER.match(data)
+    if header is None:
+        raise InputError(
+            f"{path}: not a PFM file: it must begin with Pf or PF, width, height and scale"
+        )
+    magic, width_text, height_text, scale_text = header.groups()
+    width, height = (_size(path, text) for text in (width_text, height_text))
+    byte_order = "<" if _scale(path, scale_text) < 0 else ">"
+    shape = (height, width, 3) if magic == b"PF" else (height, width)
+    start = _data_start(path, data, header.end(), shape)
+    rows = np.frombuffer(data, dtype=f"{byte_order}f4", offset=start).reshape(shape)
+    return np.ascontiguousarray(rows[::-1], dtype=np.float32)
+
+
+def write_pfm(
+    path: str | Path, array: NDArray[Any], *, big_endian: bool = False, scale: float = 1.0
+) -> None:
+    """Write a map (H, W) or (H, W, 3), top row first; other types are converted to float32.
+
+    `scale` (> 0) goes into the header only. A failure leaves no partial file.
+
+    Raises:
+        InputError: another shape, no pixels, a scale that is not positive, or an unwritable path.
+    """
+    array = np.asarray(array)
+    if not (array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)) or array.size == 0:
+        raise InputError(f"{path}: a PFM holds (H, W) or (H, W, 3) values, not {array.shape}")
+    if not (math.isfinite(scale) and scale > 0):
+        raise InputError(f"{path}: the scale must be positive and finite, not {scale}")
+    height, width = array.shape[:2]
+    magic = "Pf" if array.ndim == 2 else "PF"
+    signed_scale = scale if big_endian else -scale
+    header = f"{magic}\n{width} {height}\n{float(signed_scale)!r}\n".encode()
+    rows = array.astype(">f4" if big_endian else "<f4")[::-1]
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(header + rows.tobytes())
+
+
+def _size(path: Path, text: bytes) -> int:
+    if not re.fullmatch(rb"\d{1,18}", text) or int(text) == 0:
+        raise InputError(f"{path}: width and height must be positive whole numbers, not {text!r}")
+    return int(text)
+
+
+def _scale(path: Path, text: bytes) -> float:
+    try:
+        scale = float(text)
+    except ValueError:
+        scale = math.nan
+    if not math.isfinite(scale) or scale == 0:
+        raise InputError(f"{path}: the scale must be a finite number other than 0, not {text!r}")
+    return scale
+
+
+def _data_start(path: Path, data: bytes, header_end: int, shape: tuple[int, ...]) -> int:
+    """Where the values begin: behind the one line end that follows the scale.
+
+    Values may themselves look like line ends, so the place is found from the file's length.
+    """
+    expected = 4 * math.prod(shape)
+    start = len(data) - expected
+    if start <= header_end or not _LINE_END.fullmatch(data, header_end, start):
+        raise InputError(
+            f"{path}: the header says {shape[1]}x{shape[0]} px, {expected} bytes of values, but "
+            f"{max(0, len(data) - header_end - 1)} follow it; the file is incomplete or damaged"
+        )
+    return start

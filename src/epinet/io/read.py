@@ -1,0 +1,109 @@
+"""Reading a light field in whatever layout it lies on disk."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from epinet.errors import InputError
+from epinet.io import array, eslf, hci, hci_hdf5, lftoolbox, numbered, rows_cols
+from epinet.io.images import image_files
+from epinet.io.layout import Layout
+from epinet.lightfield import LightField
+
+_MODULES = (hci, rows_cols, numbered, eslf, hci_hdf5, lftoolbox, array)
+
+LAYOUTS: dict[str, Layout] = {module.LAYOUT.name: module.LAYOUT for module in _MODULES}
+"""Every layout by name, in the order in which they are tried."""
+
+SMALLEST_VIEW_PX = 23
+"""The network's receptive field: no estimate can be made from less."""
+
+
+def read_light_field(path: str | Path, layout: str | None = None) -> LightField:
+    """Read a light field from a folder of views or a single file.
+
+    Args:
+        path: the folder or file.
+        layout: a name of LAYOUTS, to override the guess.
+
+    Raises:
+        InputError: everything found wrong, each problem naming its file and what would help.
+
+    Example:
+        >>> lf = read_light_field("scenes/antinous")  # doctest: +SKIP
+        >>> lf.layout, lf.grid, lf.size  # doctest: +SKIP
+        ('hci', (9, 9), (512, 512))
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    try:
+        chosen = _recognised(path) if layout is None else named_layout(layout)
+        if chosen.is_folder != path.is_dir():
+            due, found = ("folder", "file") if chosen.is_folder else ("file", "folder")
+            raise InputError(
+                f"{path}: a {found}, but the layout {chosen.name} is a {due}: {chosen.description}"
+            )
+        lf = chosen.read(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    _check(lf, path)
+    return replace(lf, source=path, layout=chosen.name)
+
+
+def is_light_field(path: Path) -> bool:
+    """Whether some layout recognises the folder or file, be it whole or damaged."""
+    return any(
+        layout.is_folder == path.is_dir() and layout.recognises(path) for layout in LAYOUTS.values()
+    )
+
+
+def named_layout(name: str) -> Layout:
+    """The layout of that name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in LAYOUTS:
+        raise InputError(f"no layout is named {name}; there are {', '.join(LAYOUTS)}")
+    return LAYOUTS[name]
+
+
+def _recognised(path: Path) -> Layout:
+    for layout in LAYOUTS.values():
+        if layout.is_folder == path.is_dir() and layout.recognises(path):
+            return layout
+    understood = "".join(f"\n  {each.name}: {each.description}" for each in LAYOUTS.values())
+    raise InputError(f"{path}: {_found(path)}. Layouts understood:{understood}")
+
+
+def _found(path: Path) -> str:
+    """What is there, in words, for a path that no layout recognises."""
+    if path.is_file():
+        return f"a {path.suffix or 'nameless'} file holds no light field"
+    entries = [entry for entry in path.iterdir() if not entry.name.startswith(".")]
+    if not entries:
+        return "the folder is empty"
+    images, folders = image_files(path), [entry for entry in entries if entry.is_dir()]
+    counts = f"{len(images)} images, {len(folders)} folders"
+    others = f"{len(entries) - len(images) - len(folders)} other files"
+    example = f", such as {images[0].name}" if images else ""
+    hint = "; the views may lie in one of the folders" if folders and not images else ""
+    return f"not recognised: {counts} and {others}{example}{hint}"
+
+
+def _check(lf: LightField, path: Path) -> None:
+    (rows, cols), (height, width) = lf.grid, lf.size
+    problems = []
+    if rows != cols:
+        problems.append(f"{path}: {rows} rows and {cols} columns of views; a square grid is needed")
+    if min(rows, cols) < 3:
+        problems.append(f"{path}: {rows}x{cols} views; at least 3x3 are needed")
+    if min(height, width) < SMALLEST_VIEW_PX:
+        problems.append(
+            f"{path}: too small: views of {width}x{height} px; at least "
+            f"{SMALLEST_VIEW_PX}x{SMALLEST_VIEW_PX} px are needed, the network's field of view"
+        )
+    if problems:
+        raise InputError(problems)

@@ -1,0 +1,326 @@
+"""Layouts of one image per view: hci, rows_cols, numbered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from epinet.angular import star_positions
+from epinet.camera import Camera
+from epinet.errors import InputError
+from epinet.io import read_light_field, write_light_field, write_pfm
+from epinet.io.images import read_image, write_png
+from epinet.lightfield import LightField
+
+MakeLightField = Callable[..., LightField]
+
+
+@pytest.fixture
+def scene(tmp_path: Path, make: MakeLightField) -> Path:
+    """A complete hci folder without parameters.cfg."""
+    write_light_field(tmp_path / "scene", make(), "hci")
+    (tmp_path / "scene" / "parameters.cfg").unlink()
+    return tmp_path / "scene"
+
+
+def view(scene: Path, row: int, col: int) -> Path:
+    return scene / f"input_Cam{9 * row + col:03d}.png"
+
+
+def keep(scene: Path, positions: list[tuple[int, int]]) -> None:
+    kept = {view(scene, row, col) for row, col in positions}
+    for file in set(scene.glob("*.png")) - kept:
+        file.unlink()
+
+
+def named(folder: Path, lf: LightField, pattern: str, first: int = 0) -> Path:
+    folder.mkdir()
+    for row, col in np.ndindex(lf.grid):
+        index = lf.grid[1] * row + col
+        name = pattern.format(r=row + first, c=col + first, i=index + first, x=row * -1.25)
+        write_png(folder / name, lf.views[row, col])
+    return folder
+
+
+def problems(path: Path, layout: str | None = None) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        read_light_field(path, layout)
+    return caught.value.problems
+
+
+# --- which views are needed -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", [3, 5, 7, 9])
+def test_a_star_inside_the_numbering_of_9x9(scene: Path, make: MakeLightField, side: int) -> None:
+    margin = (9 - side) // 2
+    keep(scene, [(row + margin, col + margin) for row, col in star_positions(side)])
+    lf = read_light_field(scene)
+    assert lf.grid == (side, side)
+    assert lf.grid_origin == (margin, margin)
+    assert lf.present.sum() == 4 * side - 3
+    np.testing.assert_array_equal(lf.stacks(side), make().central(side).stacks(side))
+    assert lf.notes == ()
+
+
+def test_every_missing_view_of_the_star_is_named(scene: Path) -> None:
+    for row, col in ((4, 4), (2, 2), (0, 8), (1, 2)):
+        view(scene, row, col).unlink()
+    found = problems(scene)
+    assert [line.split(":")[0] for line in found] == [
+        str(view(scene, *position)) for position in ((0, 8), (2, 2), (4, 4))
+    ]
+    assert all("33" in line for line in found)
+
+
+def test_views_off_the_star_may_be_missing(scene: Path) -> None:
+    keep(scene, [*star_positions(9), (2, 3)])
+    assert read_light_field(scene).notes == ("1 of the 48 views off the star are there",)
+
+
+def test_strays_outside_the_star_are_cropped(scene: Path) -> None:
+    keep(scene, [(row + 1, col + 1) for row, col in star_positions(7)] + [(0, 1)])
+    assert read_light_field(scene).grid == (7, 7)
+
+
+def test_too_few_views(scene: Path) -> None:
+    keep(scene, [(4, 4), (0, 1)])
+    assert "at least the central 3x3" in problems(scene)[0]
+
+
+def test_views_that_differ_are_all_named(scene: Path) -> None:
+    write_png(view(scene, 0, 0), np.ones((24, 31, 3), np.uint8))
+    write_png(view(scene, 3, 5), np.ones((24, 30, 1), np.uint8))
+    write_png(view(scene, 3, 6), np.ones((24, 30, 3), np.uint16))
+    found = problems(scene)
+    assert len(found) == 3
+    assert "input_Cam000.png: 31x24 px 8-bit RGB, the other views are 30x24 px" in found[0]
+    assert "8-bit gray" in found[1]
+    assert "16-bit RGB" in found[2]
+
+
+def test_views_that_are_too_small(tmp_path: Path) -> None:
+    lf = LightField(np.ones((3, 3, 22, 40, 3), np.uint8))
+    write_light_field(tmp_path / "scene", lf, "numbered")
+    assert "too small" in problems(tmp_path / "scene")[0]
+
+
+# --- hci ------------------------------------------------------------------------------------
+
+
+def test_all_that_is_wrong_is_gathered(scene: Path) -> None:
+    view(scene, 0, 0).unlink()
+    view(scene, 4, 4).write_bytes(view(scene, 4, 4).read_bytes()[:500])
+    (scene / "parameters.cfg").write_text("[intrinsics]\nfocal_length_mm = long\n")
+    (scene / "gt_disp_lowres.pfm").write_bytes(b"Pf\n30 24\n-1\n")
+    (scene / "invalid_mask.png").write_bytes(b"no image")
+    found = "\n".join(problems(scene))
+    for part in (
+        "input_Cam000.png: missing",
+        "input_Cam040.png: cannot be read",
+        "focal_length_mm = long",
+        "baseline_mm is missing",
+        "gt_disp_lowres.pfm: the header says",
+        "invalid_mask.png: not an image",
+    ):
+        assert part in found
+
+
+@pytest.mark.parametrize(
+    ("truth", "problem"),
+    [
+        (np.zeros((48, 60)), "60x48 px"),
+        (np.zeros((24, 30, 3)), "one"),
+        (np.full((24, 30), np.nan), "NaN at every pixel"),
+        (np.full((24, 30), np.inf), "infinite"),
+    ],
+)
+def test_truth_that_cannot_be_used(scene: Path, truth: np.ndarray, problem: str) -> None:
+    write_pfm(scene / "gt_disp_lowres.pfm", truth)
+    (found,) = problems(scene)
+    assert "gt_disp_lowres.pfm" in found
+    assert problem in found
+
+
+def test_truth_of_other_views_is_ignored(scene: Path) -> None:
+    (scene / "gt_disp_lowres_Cam000.pfm").write_bytes(b"anything")
+    assert read_light_field(scene).truth is None
+
+
+def test_a_mask_of_another_size(scene: Path) -> None:
+    write_png(scene / "mask_fine_lowres.png", np.ones((24, 31), np.uint8))
+    (found,) = problems(scene)
+    assert "mask_fine_lowres.png: the mask is 31x24 px" in found
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("baseline_mm = 11.0", "baseline_mm = -1", "baseline_mm = -1.0 must be greater"),
+        ("focal_length_mm = 100.0", "", "focal_length_mm is missing"),
+        ("disp_min = -1.5", "disp_min = low", "disp_min = low must be a number"),
+        ("num_cams_x = 9", "num_cams_x = 7", "must be square"),
+        ("num_cams_x = 9", "num_cams_x = nine", "must be square"),
+        ("image_resolution_x_px = 30", "image_resolution_x_px = 60", "60x24 px"),
+        ("[intrinsics]", "intrinsics", "parameters.cfg"),
+    ],
+)
+def test_a_broken_parameters_cfg(
+    tmp_path: Path, make: MakeLightField, camera: Camera, old: str, new: str, problem: str
+) -> None:
+    lf = LightField(make().views, camera=camera)
+    write_light_field(tmp_path / "scene", lf, "hci")
+    path = tmp_path / "scene" / "parameters.cfg"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    found = "\n".join(problems(tmp_path / "scene"))
+    assert problem in found
+    assert "parameters.cfg" in found
+
+
+def test_small_grids_numbered_by_themselves(tmp_path: Path, make: MakeLightField) -> None:
+    """By parameters.cfg, or because all of 0 to 24 are there."""
+    lf = make(5)
+    write_light_field(tmp_path / "scene", lf, "hci")
+    np.testing.assert_array_equal(read_light_field(tmp_path / "scene").views, lf.views)
+    (tmp_path / "scene" / "parameters.cfg").unlink()
+    np.testing.assert_array_equal(read_light_field(tmp_path / "scene").views, lf.views)
+
+
+def test_more_views_than_a_grid_has(scene: Path) -> None:
+    write_png(scene / "input_Cam082.png", np.ones((24, 30, 3), np.uint8))
+    assert "83 is no square number" in problems(scene)[0]
+    (scene / "parameters.cfg").write_text("[extrinsics]\nnum_cams_x = 9\nnum_cams_y = 9\n")
+    assert "the last is input_Cam080" in problems(scene)[0]
+
+
+def test_two_files_for_one_view(scene: Path) -> None:
+    Image.fromarray(read_image(view(scene, 0, 0))).save(scene / "input_Cam000.bmp")
+    assert "view 0 is also" in problems(scene)[0]
+
+
+# --- rows_cols and numbered ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("pattern", "first"),
+    [
+        ("2067_{r:02d}_{c:02d}.png", 1),
+        ("view_{r}_{c}.png", 0),
+        ("view-{r:03d}-{c:03d}.png", 1),
+        ("Cam_r{r:02d}_c{c:02d}.png", 0),
+        ("{i:03d}_{r}_{c}.png", 0),
+        ("out_{r:02d}_{c:02d}_{x:.2f}_1010.5_.png", 0),
+    ],
+)
+def test_rows_and_columns_in_names(
+    tmp_path: Path, make: MakeLightField, pattern: str, first: int
+) -> None:
+    lf = read_light_field(named(tmp_path / "scene", make(11), pattern, first))
+    assert lf.layout == "rows_cols"
+    np.testing.assert_array_equal(lf.views, make(11).views)
+
+
+@pytest.mark.parametrize("pattern", ["{i}.png", "img_{i:03d}.png", "7x7 take 2 ({i:02d}).png"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_numbers_in_names(tmp_path: Path, make: MakeLightField, pattern: str, first: int) -> None:
+    lf = read_light_field(named(tmp_path / "scene", make(5), pattern, first))
+    assert lf.layout == "numbered"
+    np.testing.assert_array_equal(lf.views, make(5).views)
+
+
+def test_an_even_grid_is_kept_whole(tmp_path: Path, make: MakeLightField) -> None:
+    lf = read_light_field(named(tmp_path / "scene", make(4), "{r}_{c}.png"))
+    np.testing.assert_array_equal(lf.views, make(4).views)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "missing"),
+    [
+        ("2067_{r:02d}_{c:02d}.png", "2067_05_05.png"),
+        ("v{r}-{c}.png", "v5-5.png"),
+        ("img_{i:03d}.png", "img_041.png"),
+    ],
+)
+def test_missing_views_are_named_alike(
+    tmp_path: Path, make: MakeLightField, pattern: str, missing: str
+) -> None:
+    folder = named(tmp_path / "scene", make(), pattern, 1)
+    (folder / missing).unlink()
+    (found,) = problems(folder)
+    assert found.startswith(f"{folder / missing}: missing")
+
+
+def test_the_star_alone_by_rows_and_columns(tmp_path: Path, make: MakeLightField) -> None:
+    folder = named(tmp_path / "scene", make(), "{r}_{c}.png", 1)
+    for row, col in set(np.ndindex(9, 9)) - set(star_positions(9)):
+        (folder / f"{row + 1}_{col + 1}.png").unlink()
+    np.testing.assert_array_equal(read_light_field(folder).stacks(9), make().stacks(9))
+
+
+def test_other_images_are_noted(tmp_path: Path, make: MakeLightField) -> None:
+    folder = named(tmp_path / "scene", make(), "view_{r}_{c}.png")
+    write_png(folder / "thumbnail.png", np.ones((5, 5), np.uint8))
+    assert "thumbnail.png" in read_light_field(folder).notes[0]
+
+
+def test_grids_that_are_not_square(tmp_path: Path, make: MakeLightField) -> None:
+    folder = named(tmp_path / "scene", make(5), "view_{r}_{c}.png")
+    for file in folder.glob("view_4_*"):
+        file.unlink()
+    assert "4 rows (0 to 3) and 5 columns (0 to 4)" in problems(folder)[0]
+    folder = named(tmp_path / "numbered", make(5), "{i}.png")
+    (folder / "24.png").unlink()
+    assert "0 to 23, 24 views" in problems(folder)[0]
+
+
+def test_ambiguous_names(tmp_path: Path, make: MakeLightField) -> None:
+    folder = named(tmp_path / "scene", make(), "{r}_{c}_{r}.png")
+    assert "1 and 2 or 2 and 3" in problems(folder)[0]
+
+
+# --- what is no light field ------------------------------------------------------------------
+
+
+def test_unknown_paths_say_what_was_found(tmp_path: Path) -> None:
+    assert "no such file or folder" in problems(tmp_path / "none")[0]
+    assert "the folder is empty" in problems(tmp_path)[0]
+    (tmp_path / "notes.txt").touch()
+    assert "0 images, 0 folders and 1 other files" in problems(tmp_path)[0]
+    assert "rows_cols: folder of images" in problems(tmp_path)[0]
+    assert "a .txt file" in problems(tmp_path / "notes.txt")[0]
+
+
+@pytest.mark.parametrize("layout", ["hci", "rows_cols", "numbered"])
+def test_a_folder_without_views_for_a_named_layout(tmp_path: Path, layout: str) -> None:
+    write_png(tmp_path / "photo.png", np.ones((24, 30), np.uint8))
+    assert str(tmp_path) in problems(tmp_path, layout)[0]
+    assert "is a folder" in problems(tmp_path / "photo.png", layout)[0]
+
+
+def test_a_named_layout_overrides_the_guess(tmp_path: Path, make: MakeLightField) -> None:
+    folder = named(tmp_path / "scene", make(), "{i:03d}_{r}_{c}.png")
+    assert read_light_field(folder, "numbered").layout == "numbered"
+    assert "is a file" in problems(folder, "array")[0]
+    assert "no layout is named x" in problems(folder, "x")[0]
+
+
+def test_real_folders(real: Path) -> None:
+    antinous = read_light_field(real / "antinous")
+    assert antinous.present.all()
+    assert antinous.truth is not None
+    dino = read_light_field(real / "dino")
+    assert dino.present.sum() == 33
+    assert dino.notes == ()
+    kitchen = read_light_field(real / "kitchen")
+    assert kitchen.present.sum() == 34
+    assert kitchen.camera is not None
+    assert kitchen.camera.focus_distance_mm == pytest.approx(2300)
+    assert kitchen.masks["invalid"].any()
+    lytro = read_light_field(real / "lytro_2067")
+    assert (lytro.layout, lytro.grid, lytro.size) == ("rows_cols", (9, 9), (383, 552))
