@@ -1,0 +1,93 @@
+"""Weights on disk: safetensors whose metadata says what they are."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from epinet.errors import InputError
+from epinet.model.network import Epinet, EpinetConfig
+
+FORMAT = "epinet-1"
+
+
+@dataclass(frozen=True)
+class Weights:
+    """A network ready to predict, and what its file says about it."""
+
+    net: Epinet
+    """In eval mode, float32, on the CPU."""
+    metadata: dict[str, Any]
+    """Recipe, data, steps, scores and "disparity_range_px"."""
+    source: str
+    sha256: str = ""
+    """Of the file."""
+
+    @property
+    def disparity_range_px(self) -> tuple[float, float] | None:
+        """Range of the training scenes, where the file states it."""
+        bounds = self.metadata.get("disparity_range_px")
+        return None if bounds is None else (float(bounds[0]), float(bounds[1]))
+
+
+def save_weights(path: Path, net: Epinet, metadata: dict[str, Any], *, half: bool = False) -> None:
+    """Write a network's weights; batch-norm statistics stay in float32 when `half`."""
+
+    def stored(name: str, tensor: Tensor) -> Tensor:
+        halve = half and tensor.is_floating_point() and "running" not in name
+        return (tensor.half() if halve else tensor).contiguous()
+
+    tensors = {n: stored(n, t.detach().cpu()) for n, t in net.state_dict().items()}
+    header = {
+        "format": FORMAT,
+        "config": json.dumps(net.config.as_dict()),
+        "metadata": json.dumps(metadata),
+    }
+    temporary = path.with_name(path.name + ".part")
+    save_file(tensors, temporary, metadata=header)
+    temporary.replace(path)
+
+
+def shipped_weights(views: int = 9) -> Path:
+    """File of the weights that come with the package."""
+    return Path(
+        str(resources.files("epinet.model") / "weights" / f"epinet_{views}x{views}.safetensors")
+    )
+
+
+def load_weights(path: Path | str | None = None) -> Weights:
+    """Read weights; None takes the shipped ones.
+
+    Raises:
+        InputError: not a weights file of epinet, or damaged.
+    """
+    file = shipped_weights() if path is None else Path(path)
+    if not file.is_file():
+        raise InputError(f"{file}: no such weights file")
+    try:
+        with safe_open(file, framework="pt") as stored:
+            header = stored.metadata() or {}
+            tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError) as error:
+        raise InputError(f"{file}: not a readable safetensors file ({error})") from error
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    if header.get("format") != FORMAT:
+        raise InputError(
+            f"{file}: safetensors, but not weights of epinet (its metadata lacks format={FORMAT})"
+        )
+    net = Epinet(EpinetConfig(**json.loads(header["config"])))
+    try:
+        net.load_state_dict(
+            {n: t.float() if t.is_floating_point() else t for n, t in tensors.items()}
+        )
+    except RuntimeError as error:
+        raise InputError(f"{file}: its tensors do not fit its configuration: {error}") from error
+    return Weights(net.eval(), json.loads(header["metadata"]), str(file), digest)

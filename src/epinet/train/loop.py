@@ -1,0 +1,220 @@
+"""A training run: from a recipe to averaged weights with their history.
+
+A recipe of our own, not the paper's: He initialisation on differences to the centre view, AdamW
+with warm-up and cosine decay, larger patches, gradient clipping, averaged weights, and a
+disparity range that widens while the network learns.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+from torch import Generator, Tensor, nn
+from torch.optim.swa_utils import AveragedModel
+
+from epinet.metrics.disparity import score
+from epinet.model.checkpoint import save_weights
+from epinet.model.initialise import start_on_differences
+from epinet.model.network import MARGIN_PX, Epinet, EpinetConfig
+from epinet.synth import layers
+from epinet.train.batches import (
+    STEPS_PER_POOL,
+    Batch,
+    BatchSource,
+    photographed,
+    render_star,
+    stack_star,
+)
+
+VALIDATION_SEED = 987_654_321
+"""Beyond the seeds of the first 900 runs, see batches.SEEDS_PER_RUN."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All that decides what a run learns."""
+
+    name: str = "first"
+    views: int = 9
+    steps: int = 3800
+    batch: int = 8
+    """Patches per step."""
+    patch: int = 24
+    """Side of the map a patch gives, in px; its views are 22 px larger."""
+    learning_rate: float = 1e-3
+    warmup_steps: int = 100
+    weight_decay: float = 1e-4
+    gradient_clip: float = 1.0
+    averaging: float = 0.998
+    """Decay of the running average of the weights."""
+    disparity_px: float = 4.0
+    """The range ends at +- this."""
+    narrow_px: float = 0.75
+    """The range starts at +- this."""
+    widening: float = 0.35
+    """Share of the steps after which the whole range is used."""
+    seed: int = 1
+    validate_every: int = 300
+
+    def disparity_range(self, step: int) -> tuple[float, float]:
+        """Range of the training scenes at a step."""
+        progress = min(1.0, step / max(1.0, self.widening * self.steps))
+        reach = self.narrow_px * (self.disparity_px / self.narrow_px) ** progress
+        return -reach, reach
+
+    def rate(self, step: int) -> float:
+        """Learning rate at a step: linear warm-up, then a half cosine to 0."""
+        warm = min(1.0, (step + 1) / self.warmup_steps)
+        return self.learning_rate * warm * 0.5 * (1 + math.cos(math.pi * step / self.steps))
+
+
+def validation_set(views: int, disparity_px: float) -> tuple[Tensor, Tensor]:
+    """16 scenes that no training seed draws: stacks (16, 4, N, 150, 150), truth (16, 1, 128, 128).
+
+    Half of them have the full range, half a quarter of it.
+    """
+    g = Generator().manual_seed(VALIDATION_SEED)
+    size = (128 + 2 * MARGIN_PX,) * 2
+    stars, truths = [], []
+    for reach in (disparity_px, disparity_px / 4):
+        star, truth = render_star(layers.draw_scenes(g, 8, size, (-reach, reach), 8), views)
+        stars.append(photographed(g, star))
+        truths.append(truth[..., MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
+    return stack_star(torch.cat(stars), views), torch.cat(truths)
+
+
+class Run:
+    """One training run in a folder; continues where the folder's checkpoint stands."""
+
+    def __init__(self, recipe: Recipe, folder: Path, say: Callable[[str], None] = print) -> None:
+        self.recipe, self.folder, self.say = recipe, folder, say
+        folder.mkdir(parents=True, exist_ok=True)
+        torch.manual_seed(recipe.seed)
+        self.net = Epinet(EpinetConfig(views=recipe.views))
+        self.net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        start_on_differences(self.net)
+        self.averaged = AveragedModel(self.net, avg_fn=self._average, use_buffers=True)
+        self.optimiser = torch.optim.AdamW(
+            self.net.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay
+        )
+        self.step, self.seconds = 0, 0.0
+        self.history: list[dict[str, Any]] = []
+        if self._checkpoint.exists():
+            self._resume()
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.folder / "last.pt"
+
+    def _average(self, average: Tensor, new: Tensor, updates: Tensor | int) -> Tensor:
+        decay = min(self.recipe.averaging, (1 + int(updates)) / (10 + int(updates)))
+        return torch.lerp(new, average, decay) if average.is_floating_point() else new
+
+    def _resume(self) -> None:
+        state = torch.load(self._checkpoint, weights_only=True)
+        if state["recipe"] != asdict(self.recipe):
+            raise ValueError(f"{self._checkpoint} belongs to another recipe")
+        self.net.load_state_dict(state["net"])
+        self.averaged.load_state_dict(state["averaged"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.step, self.seconds = state["step"], state["seconds"]
+        self.history = state["history"]
+        self.say(f"continuing at step {self.step}")
+
+    def save(self) -> None:
+        """Write the checkpoint to resume from and the averaged weights to use."""
+        state = {
+            "recipe": asdict(self.recipe),
+            "net": self.net.state_dict(),
+            "averaged": self.averaged.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "step": self.step,
+            "seconds": self.seconds,
+            "history": self.history,
+        }
+        temporary = self._checkpoint.with_suffix(".part")
+        torch.save(state, temporary)
+        temporary.replace(self._checkpoint)
+        save_weights(
+            self.folder / "weights.safetensors", cast(Epinet, self.averaged.module), self.metadata()
+        )
+        summary = self.metadata() | {"history": self.history}
+        (self.folder / "run.json").write_text(json.dumps(summary, indent=1) + "\n")
+
+    def metadata(self) -> dict[str, Any]:
+        """What shipped weights say about themselves."""
+        reach = self.recipe.disparity_px
+        return {
+            "recipe": asdict(self.recipe),
+            "data": {"generator": layers.VERSION, "seed": self.recipe.seed},
+            "disparity_range_px": [-reach, reach],
+            "steps": self.step,
+            "minutes": round(self.seconds / 60, 1),
+            "scores": self.history[-1]["scores"] if self.history else {},
+        }
+
+    def train(self, save_every_s: float = 240) -> None:
+        """Train to the recipe's last step."""
+        recipe = self.recipe
+        source = BatchSource(recipe.views, recipe.batch, recipe.patch, recipe.seed)
+        stacks, truth = validation_set(recipe.views, recipe.disparity_px)
+        saved = last = time.monotonic()
+        losses = []
+        while self.step < recipe.steps:
+            pool_start = self.step - self.step % STEPS_PER_POOL
+            losses.append(self._train_step(source(self.step, recipe.disparity_range(pool_start))))
+            self.step += 1
+            now = time.monotonic()
+            self.seconds, last = self.seconds + now - last, now
+            if self.step % recipe.validate_every == 0 or self.step == recipe.steps:
+                scores = validate(self.averaged.module, stacks, truth)
+                self._record(sum(losses) / len(losses), scores)
+                losses = []
+            if now - saved > save_every_s or self.step == recipe.steps:
+                self.save()
+                saved = now
+
+    def _train_step(self, batch: Batch) -> float:
+        self.net.train()
+        rate = self.recipe.rate(self.step)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            estimate = self.net(batch.stacks)
+        error = (estimate - batch.disparity).abs()
+        loss = (error * batch.textured).sum() / batch.textured.sum().clamp_min(1)
+        if not math.isfinite(loss.item()):
+            raise FloatingPointError(f"the loss is {loss.item()} at step {self.step}")
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        nn.utils.clip_grad_norm_(self.net.parameters(), self.recipe.gradient_clip)
+        self.optimiser.step()
+        self.averaged.update_parameters(self.net)
+        return float(loss)
+
+    def _record(self, loss: float, scores: dict[str, float]) -> None:
+        entry = {
+            "step": self.step,
+            "minutes": round(self.seconds / 60, 2),
+            "loss": round(loss, 5),
+            "scores": {k: round(v, 4) for k, v in scores.items()},
+        }
+        self.history.append(entry)
+        left = self.seconds / self.step * (self.recipe.steps - self.step) / 60
+        self.say(f"{json.dumps(entry)}, {left:.0f} min left")
+
+
+@torch.no_grad()
+def validate(net: nn.Module, stacks: Tensor, truth: Tensor) -> dict[str, float]:
+    """Scores of a network on the validation set, over all pixels of all scenes."""
+    net.eval()
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        estimate = torch.cat([net(s[None]) for s in stacks])
+    return score(estimate.numpy(), truth.numpy(), border_px=0)
