@@ -1,0 +1,209 @@
+"""The command line: each command parses, calls the library and prints."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from epinet import __version__
+from epinet.errors import InputError
+from epinet.progress import progress
+
+app = typer.Typer(
+    name="epinet",
+    help="Depth from light fields: EPINET (CVPR 2018), from views on disk to a disparity map.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+PathsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="PATH...",
+        help="Light fields: folders of views or single files. "
+        "A folder that holds several light fields stands for all of them.",
+    ),
+]
+LayoutOption = Annotated[
+    str | None, typer.Option(help="Name of the layout on disk, where the guess is wrong.")
+]
+FlipRowsOption = Annotated[
+    bool, typer.Option("--flip-rows", help="The views' rows are counted from the bottom.")
+]
+FlipColsOption = Annotated[
+    bool, typer.Option("--flip-cols", help="The views' columns are counted from the right.")
+]
+TransposeOption = Annotated[
+    bool, typer.Option("--transpose", help="The views' rows and columns are exchanged.")
+]
+WeightsOption = Annotated[
+    Path | None, typer.Option(help="Weights of your own (.safetensors); default: the shipped ones.")
+]
+StepOption = Annotated[int, typer.Option(min=1, help="Take every so many views of a large grid.")]
+
+
+@app.command()
+def info(
+    paths: PathsArgument,
+    layout: LayoutOption = None,
+    flip_rows: FlipRowsOption = False,
+    flip_cols: FlipColsOption = False,
+    transpose: TransposeOption = False,
+    weights: WeightsOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line each.")] = False,
+) -> None:
+    """Say what a light field is, and measure whether its views stand in the right order."""
+    from epinet.inspect.report import inspect, report_lines
+    from epinet.model.checkpoint import load_weights
+    from epinet.predict.batch import Reading, find_light_fields
+
+    reading = Reading(layout, flip_rows, flip_cols, transpose)
+    bounds = load_weights(weights).disparity_range_px
+    problems: list[str] = []
+    for i, path in enumerate(find_light_fields(paths, layout)):
+        try:
+            report = inspect(reading.read(path), bounds)
+        except InputError as error:
+            problems += error.problems
+            continue
+        if as_json:
+            print(json.dumps(report))
+        else:
+            print(("\n" if i else "") + "\n".join(report_lines(report)), flush=True)
+    if problems:
+        raise InputError(problems)
+
+
+@app.command()
+def predict(
+    paths: PathsArgument,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for the results: OUT/<name> for each.")
+    ],
+    weights: WeightsOption = None,
+    ensemble: Annotated[
+        bool,
+        typer.Option("--ensemble", help="Average over the 8 flips and rotations (8 times slower)."),
+    ] = False,
+    scale: Annotated[
+        int,
+        typer.Option(min=1, help="For large disparities: show the network views shrunk so much."),
+    ] = 1,
+    step: StepOption = 1,
+    memory: Annotated[
+        float, typer.Option(help="Bound on the network's memory in MB; smaller works in tiles.")
+    ] = 1024,
+    device: Annotated[
+        str | None, typer.Option(help="cpu, cuda, cuda:1, ...; default: the GPU if there is one.")
+    ] = None,
+    layout: LayoutOption = None,
+    flip_rows: FlipRowsOption = False,
+    flip_cols: FlipColsOption = False,
+    transpose: TransposeOption = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Compute again what is there already.")
+    ] = False,
+) -> None:
+    """Turn light fields into disparity maps, each a folder of its own."""
+    from epinet.predict.batch import Options, Reading, find_light_fields, predict_all
+    from epinet.predict.estimator import load_model
+
+    estimator = load_model(weights, device)
+    outcomes = predict_all(
+        estimator,
+        find_light_fields(paths, layout),
+        output,
+        reading=Reading(layout, flip_rows, flip_cols, transpose),
+        options=Options(ensemble, scale, step),
+        memory_mb=memory,
+        force=force,
+        progress=progress,
+    )
+    problems: list[str] = []
+    for outcome in outcomes:
+        problems += outcome.problems
+        if outcome.run is not None:
+            print(_result_line(outcome.name, outcome.run, outcome.folder, outcome.skipped))
+            for warning in outcome.run["warnings"]:
+                print(f"warning: {outcome.name}: {warning}", file=sys.stderr)
+    if problems:
+        raise InputError(problems)
+
+
+@app.command()
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")] = Path(
+        "epinet-demo"
+    ),
+    seed: Annotated[int, typer.Option(help="Another seed gives another scene.")] = 1,
+) -> None:
+    """Render a small scene with exact truth, predict it and score it. Needs no download."""
+    from epinet.predict.demo import run_demo
+
+    print(f"rendering a 9x9 light field of seed {seed} and predicting it ...", flush=True)
+    with progress("predicting") as advance:
+        run = run_demo(output, seed, advance)
+    print(_result_line("demo", run, output))
+    print(f"look at {output / 'result' / 'preview.png'}")
+
+
+@app.command()
+def train(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the run.")],
+    views: Annotated[int, typer.Option(help="Views per direction: 9, 7, 5 or 3.")] = 9,
+    steps: Annotated[int | None, typer.Option(min=1, help="Default: the recipe's.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of weights and scenes.")] = 1,
+) -> None:
+    """Train a network on rendered layers; continues a run that was interrupted."""
+    from epinet.train.loop import Recipe, Run
+
+    recipe = Recipe(views=views, seed=seed)
+    if steps is not None:
+        recipe = Recipe(views=views, seed=seed, steps=steps)
+    Run(recipe, output, lambda line: print(line, flush=True)).train()
+    print(f"weights: {output / 'weights.safetensors'}")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"epinet {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+def _result_line(name: str, run: dict[str, object], folder: Path, skipped: bool = False) -> str:
+    span = run["disparity_px"]
+    seconds = run["seconds"]
+    scores = run["scores"]
+    assert isinstance(span, dict) and isinstance(seconds, dict)
+    text = f"{name}: disparity {span['percentile_1']:.2f}..{span['percentile_99']:.2f} px"
+    if isinstance(scores, dict):
+        text += f", BadPix(.07) {scores['badpix_0.07']:.2f} %, MSE x100 {scores['mse_x100']:.2f}"
+    took = "done before" if skipped else f"{sum(seconds.values()):.1f} s"
+    return f"{text}, {took} -> {folder}"
+
+
+def main() -> None:
+    """Run the command line; bad input ends with one clear message and exit status 2."""
+    try:
+        app()
+    except InputError as error:
+        for problem in error.problems:
+            print(f"error: {problem}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)

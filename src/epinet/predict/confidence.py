@@ -1,0 +1,64 @@
+"""How well the views agree under an estimate.
+
+For each pixel of the centre view, the views of the star are sampled where the estimate says the
+pixel is seen; r is the mean absolute difference to the centre (luma in 0..1, averaged over 3x3
+pixels) over that half of the views which agrees best, since the other half may be occluded.
+
+    confidence = 1 / (1 + (r / TOLERANCE)^2)
+
+So 1 means that the views agree perfectly, 0.5 that they differ by TOLERANCE. It is
+photo-consistency, not a probability: low where the estimate must be wrong (or the surface
+mirrors, or the views are noisy), but high also on a textureless wall, where any disparity agrees.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional as F
+
+from epinet.angular import star_positions
+from epinet.lightfield import LightField
+
+TOLERANCE = 0.02
+"""Difference in luma (0..1) at which the confidence is one half: about 5 gray levels of 255."""
+
+BAND_PX = 2**19
+"""Pixels handled at once, to bound memory."""
+
+
+@torch.inference_mode()
+def photo_consistency(lf: LightField, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Confidence (H, W) in 0..1 of a disparity map (H, W) of the centre view."""
+    height, width = disparity.shape
+    centre = lf.centre
+    star = [p for p in star_positions(lf.grid[0]) if p != centre]
+    views = torch.from_numpy(np.stack([lf.gray(*p) for p in star]))  # (P, H, W)
+    reference = torch.from_numpy(np.ascontiguousarray(lf.gray(*centre)))
+    offsets = torch.tensor(star, dtype=torch.float32) - torch.tensor(centre)
+    d = torch.from_numpy(np.ascontiguousarray(disparity))
+    rows = max(1, BAND_PX // width)
+    residual = torch.cat(
+        [
+            _residual(views, reference, d, offsets, top, min(top + rows, height))
+            for top in range(0, height, rows)
+        ]
+    )
+    smooth = F.avg_pool2d(residual[None, None], 3, 1, 1, count_include_pad=False)[0, 0]
+    return (1 / (1 + (smooth / TOLERANCE) ** 2)).numpy()
+
+
+def _residual(
+    views: Tensor, reference: Tensor, d: Tensor, offsets: Tensor, top: int, bottom: int
+) -> Tensor:
+    """(rows, W) mean difference over the better half of the views, for a band of rows."""
+    height, width = reference.shape
+    y = torch.arange(top, bottom)[:, None] - d[top:bottom] * offsets[:, 0, None, None]
+    x = torch.arange(width) - d[top:bottom] * offsets[:, 1, None, None]
+    grid = torch.stack([(2 * x + 1) / width - 1, (2 * y + 1) / height - 1], dim=-1)
+    seen = F.grid_sample(views[:, None], grid, padding_mode="border", align_corners=False)
+    difference = (seen[:, 0] - reference[top:bottom]).abs()  # (P, rows, W)
+    half = difference.shape[0] // 2
+    return difference.topk(half, dim=0, largest=False).values.mean(0)

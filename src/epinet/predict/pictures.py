@@ -1,0 +1,89 @@
+"""Pictures of a result, for people to look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from epinet.predict.result import Result
+
+DISPARITY_LABEL = "disparity (px per adjacent view, larger is nearer)"
+COLOUR_MAP = "viridis"
+ERROR_LIMIT_PX = 0.1
+"""The error map's colours saturate here, about the benchmark's BadPix(0.07)."""
+
+matplotlib.rcParams["font.size"] = 9
+
+
+def robust_range(values: NDArray[np.float32]) -> tuple[float, float]:
+    """Bounds for colours: 0.5th and 99.5th percentile of the finite values."""
+    finite = values[np.isfinite(values)]
+    low, high = np.percentile(finite, [0.5, 99.5]) if finite.size else (0.0, 1.0)
+    return float(low), float(max(high, low + 1e-3))
+
+
+def save_disparity(path: Path, disparity: NDArray[np.float32]) -> None:
+    """The map in colour at its own resolution, with a colour bar."""
+    height, width = disparity.shape
+    dpi, bar_px, edge_px = 100, 90, 10
+    low, high = robust_range(disparity)
+    total_width, total_height = width + bar_px + edge_px, height + 2 * edge_px
+    figure = Figure(figsize=(total_width / dpi, total_height / dpi), dpi=dpi)
+    frame = (0, edge_px / total_height, width / total_width, height / total_height)
+    axes = figure.add_axes(frame)
+    image = axes.imshow(
+        disparity, cmap=COLOUR_MAP, vmin=low, vmax=high, interpolation="nearest", aspect="auto"
+    )
+    axes.axis("off")
+    bar_left = (width + edge_px) / total_width
+    bar = figure.add_axes((bar_left, frame[1], 14 / total_width, frame[3]))
+    figure.colorbar(image, cax=bar)
+    if height >= 200:
+        bar.set_ylabel("disparity (px)")
+    figure.savefig(path, dpi=dpi)
+
+
+def save_preview(path: Path, result: Result) -> None:
+    """Centre view, disparity and confidence side by side, and the error where there is truth."""
+    truth = result.lightfield.truth
+    panels = 3 if truth is None else 4
+    height, width = result.disparity.shape
+    panel_width = 4.2
+    size = (panels * panel_width, panel_width * height / width + 1.1)
+    figure = Figure(figsize=size, layout="constrained", dpi=110)
+    axes: list[Any] = list(figure.subplots(1, panels))
+    low, high = robust_range(result.disparity)
+    axes[0].imshow(result.centre_view)
+    axes[0].set_title("centre view")
+    shown = axes[1].imshow(result.disparity, cmap=COLOUR_MAP, vmin=low, vmax=high)
+    axes[1].set_title("disparity")
+    figure.colorbar(shown, ax=axes[1], location="bottom", label="px per adjacent view")
+    shown = axes[2].imshow(result.confidence, cmap="gray", vmin=0, vmax=1)
+    axes[2].set_title("confidence (photo-consistency)")
+    figure.colorbar(shown, ax=axes[2], location="bottom", label="1: all views agree")
+    if truth is not None:
+        error = result.disparity - truth
+        limit = ERROR_LIMIT_PX
+        shown = axes[3].imshow(error, cmap="coolwarm", vmin=-limit, vmax=limit)
+        axes[3].set_title(_score_line(result.scores))
+        figure.colorbar(
+            shown, ax=axes[3], location="bottom", label="estimate - truth (px)", extend="both"
+        )
+    for panel in axes:
+        panel.set_xticks([])
+        panel.set_yticks([])
+    if result.lightfield.source is not None:
+        figure.suptitle(result.lightfield.source.name)
+    figure.savefig(path)
+
+
+def _score_line(scores: dict[str, float] | None) -> str:
+    if scores is None:
+        return "error"
+    return f"BadPix(.07) {scores['badpix_0.07']:.2f} %, MSE x100 {scores['mse_x100']:.2f}"

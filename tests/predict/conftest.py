@@ -1,0 +1,18 @@
+"""A small network of random weights: what surrounds the network does not depend on its weights."""
+
+import pytest
+import torch
+
+from epinet.model.checkpoint import Weights
+from epinet.model.initialise import start_on_differences
+from epinet.model.network import Epinet, EpinetConfig
+from epinet.predict.estimator import Estimator
+
+
+@pytest.fixture(scope="session")
+def estimator() -> Estimator:
+    torch.manual_seed(0)
+    net = Epinet(EpinetConfig(views=5, stream_width=6)).eval()
+    start_on_differences(net)
+    torch.nn.init.kaiming_normal_(net.head[-1].weight)
+    return Estimator(Weights(net, {"disparity_range_px": [-4, 4]}, "random", "0"), "cpu")

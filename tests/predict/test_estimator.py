@@ -1,0 +1,180 @@
+"""Tiling, the ensemble and scales are exact; the confidence tells right from wrong."""
+
+import numpy as np
+import pytest
+import torch
+
+from epinet.angular import SYMMETRIES
+from epinet.errors import InputError
+from epinet.lightfield import LightField
+from epinet.predict.confidence import photo_consistency
+from epinet.predict.estimator import enlarge, shrink
+from epinet.predict.tiling import even_tiles, pad_views, run_tiled, tile_side_px
+from epinet.synth.layers import draw_scenes
+
+
+@pytest.fixture(scope="module")
+def scene() -> LightField:
+    """A rendered 5x5 light field with truth, 40 x 53 px."""
+    scenes = draw_scenes(torch.Generator().manual_seed(11), 1, (40, 53), (-2, 2))
+    offsets = [(r - 2, c - 2) for r in range(5) for c in range(5)]
+    views, disparity = scenes.render(offsets)
+    array = views[0, :, 0].reshape(5, 5, 40, 53, 1).numpy()
+    return LightField(array, truth=disparity[0, 12].numpy())
+
+
+def turned(lf: LightField, symmetry) -> LightField:
+    views = lf.views[..., 0]
+    if symmetry.transposed:
+        views = views.transpose(1, 0, 3, 2)
+    views = np.rot90(views, symmetry.quarter_turns, (0, 1))
+    views = np.rot90(views, symmetry.quarter_turns, (2, 3))
+    return LightField(np.ascontiguousarray(views)[..., None])
+
+
+def test_the_map_has_the_size_of_the_views_and_equals_the_network_inside(estimator, scene):
+    result = estimator.predict(scene)
+    assert result.disparity.shape == result.confidence.shape == (40, 53)
+    stacks = torch.from_numpy(scene.stacks(5))[None]
+    with torch.no_grad():
+        inner = estimator.net(stacks)[0, 0].numpy()
+    np.testing.assert_allclose(result.disparity[11:-11, 11:-11], inner, atol=1e-5)
+    assert np.std(inner) > 1e-2
+
+
+@pytest.mark.parametrize("side", [1, 7, 16, 39, 52])
+def test_tiled_equals_untiled(estimator, scene, side):
+    stacks = torch.from_numpy(scene.stacks(5))
+    whole = run_tiled(estimator.net, stacks, 1000)
+    shares: list[float] = []
+    tiled = run_tiled(estimator.net, stacks, side, shares.append)
+    np.testing.assert_allclose(tiled, whole, atol=1e-5)
+    assert sum(shares) == pytest.approx(1)
+    assert len(shares) == len(even_tiles(40, side)) * len(even_tiles(53, side))
+
+
+def test_tiles_cover_a_length_once_and_stay_below_the_bound():
+    for length in range(1, 60):
+        for side in (1, 5, 16, 59):
+            tiles = even_tiles(length, side)
+            assert [i for a, b in tiles for i in range(a, b)] == list(range(length))
+            assert max(b - a for a, b in tiles) <= side
+
+
+def test_more_memory_allows_larger_tiles(estimator):
+    sides = [tile_side_px(estimator.net, mb) for mb in (1, 10, 1000)]
+    assert sides == sorted(sides)
+    assert sides[0] < sides[-1]
+
+
+def test_padding_repeats_the_edges_of_each_view():
+    stacks = torch.rand(4, 3, 5, 6)
+    padded = pad_views(stacks)
+    assert torch.equal(padded[..., 11:-11, 11:-11], stacks)
+    assert torch.equal(padded[..., 0, 11:-11], stacks[..., 0, :])
+    assert torch.equal(padded[..., 11:-11, -1], stacks[..., -1])
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES[1:], ids=str)
+def test_the_ensemble_of_a_turned_scene_is_the_turned_ensemble(estimator, scene, symmetry):
+    """Averaging over a group, undone exactly, commutes with the group; a single map does not."""
+    ensemble = estimator.predict(scene, ensemble=True).disparity
+    of_turned = estimator.predict(turned(scene, symmetry), ensemble=True).disparity
+    np.testing.assert_allclose(of_turned, symmetry.apply(ensemble), atol=1e-4)
+    single = estimator.predict(scene).disparity
+    single_of_turned = estimator.predict(turned(scene, symmetry)).disparity
+    assert np.abs(single_of_turned - symmetry.apply(single)).max() > 1e-2
+
+
+def test_the_ensemble_is_the_mean_of_the_eight(estimator, scene):
+    maps = [
+        s.undo(np.ascontiguousarray(estimator.predict(turned(scene, s)).disparity))
+        for s in SYMMETRIES
+    ]
+    ensemble = estimator.predict(scene, ensemble=True).disparity
+    np.testing.assert_allclose(ensemble, np.mean(maps, axis=0), atol=1e-4)
+
+
+@pytest.mark.parametrize(("scale", "size"), [(2, (40, 52)), (3, (41, 53))])
+def test_a_shrunk_ramp_is_enlarged_to_itself(scale, size):
+    """Disparity in full-size pixels, each block's centre where it belongs."""
+    y, x = np.mgrid[: size[0], : size[1]]
+    ramp = torch.from_numpy((0.02 * x - 0.03 * y).astype(np.float32))
+    small = shrink(ramp, scale) / scale  # what a perfect network says of the shrunk views
+    back = enlarge(small, scale, size)
+    assert back.shape == size
+    inner = slice(2 * scale, -2 * scale)
+    np.testing.assert_allclose(back[inner, inner], ramp[inner, inner], atol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [2, 3])
+def test_views_shrunk_show_the_truth_divided(scene, scale):
+    small = LightField(shrink(torch.from_numpy(scene.views[..., 0]), scale).numpy()[..., None])
+    truth = shrink(torch.from_numpy(scene.truth), scale).numpy() / scale
+    right = photo_consistency(small, truth).mean()
+    assert right > photo_consistency(small, truth * scale).mean() + 0.02
+    assert right > photo_consistency(small, -truth).mean() + 0.02
+
+
+def test_a_scaled_prediction_has_full_size(estimator, scene):
+    result = estimator.predict(scene, scale=2)
+    assert result.disparity.shape == (40, 53)
+    shrunk = LightField(shrink(torch.from_numpy(scene.views[..., 0]), 2).numpy()[..., None])
+    small = estimator.predict(shrunk).disparity
+    np.testing.assert_allclose(
+        shrink(torch.from_numpy(result.disparity), 2)[2:-2, 2:-2] / 2, small[2:-2, 2:-2], atol=0.2
+    )
+
+
+def test_confidence_prefers_the_truth(scene):
+    assert scene.truth is not None
+    right = photo_consistency(scene, scene.truth)
+    assert right.shape == scene.size
+    assert right.min() >= 0
+    assert right.max() <= 1
+    assert np.median(right) > 0.95
+    for wrong in (scene.truth + 0.5, -scene.truth):
+        assert photo_consistency(scene, wrong).mean() < right.mean() - 0.05
+
+
+def test_confidence_in_bands_equals_confidence_at_once(scene, monkeypatch):
+    from epinet.predict import confidence
+
+    at_once = photo_consistency(scene, scene.truth)
+    monkeypatch.setattr(confidence, "BAND_PX", 3 * 53)
+    np.testing.assert_array_equal(photo_consistency(scene, scene.truth), at_once)
+
+
+def test_the_central_views_of_a_larger_grid_are_used(estimator, scene):
+    views = np.pad(scene.views, ((1, 2), (1, 2), (0, 0), (0, 0), (0, 0)), mode="edge")
+    larger = estimator.predict(LightField(views))  # 8x8: the last row and column go
+    np.testing.assert_array_equal(larger.disparity, estimator.predict(scene).disparity)
+
+
+def test_warnings_for_views_that_disagree_and_disparities_out_of_range(estimator):
+    noise = np.random.default_rng(0).random((5, 5, 30, 30, 1), dtype=np.float32)
+    assert any("disagree" in w for w in estimator.predict(LightField(noise)).warnings)
+    estimator.net.head[-1].bias.data += 50
+    try:
+        warnings = estimator.predict(LightField(noise)).warnings
+    finally:
+        estimator.net.head[-1].bias.data -= 50
+    assert any("exceed the -4..4 px" in w for w in warnings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"scale": 0}, "at least 1"),
+        ({"memory_mb": 0}, "must be positive"),
+        ({"step": 2}, "every 2th view"),
+    ],
+)
+def test_impossible_settings_are_refused(estimator, scene, settings, message):
+    with pytest.raises(InputError, match=message):
+        estimator.predict(scene, **settings)
+
+
+def test_too_few_views_are_refused(estimator):
+    with pytest.raises(InputError, match=r"has 3x3 views, the weights random need 5x5"):
+        estimator.predict(LightField(np.zeros((3, 3, 30, 30, 1), np.uint8)))

@@ -1,0 +1,129 @@
+"""The result folder, and batches that resume."""
+
+import json
+import os
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from epinet.errors import InputError
+from epinet.io import read_pfm, write_light_field
+from epinet.lightfield import LightField
+from epinet.predict.batch import Options, Reading, find_light_fields, predict_all
+
+FILES = {
+    "disparity.pfm",
+    "disparity.npy",
+    "disparity.png",
+    "confidence.png",
+    "centre.png",
+    "preview.png",
+    "run.json",
+}
+
+
+@contextmanager
+def silent(label):
+    yield lambda share: None
+
+
+@pytest.fixture
+def lf() -> LightField:
+    rng = np.random.default_rng(0)
+    views = np.repeat(rng.integers(0, 256, (1, 34, 40, 3)), 25, 0).reshape(5, 5, 34, 40, 3)
+    return LightField(views.astype(np.uint8), truth=np.zeros((34, 40), np.float32))
+
+
+def test_a_result_folder_holds_everything(estimator, lf, tmp_path):
+    result = estimator.predict(lf)
+    folder = result.save(tmp_path / "new" / "out")
+    assert {p.name for p in folder.iterdir()} == FILES
+    np.testing.assert_array_equal(read_pfm(folder / "disparity.pfm"), result.disparity)
+    np.testing.assert_array_equal(np.load(folder / "disparity.npy"), result.disparity)
+    confidence = np.asarray(Image.open(folder / "confidence.png")) / 65535
+    np.testing.assert_allclose(confidence, result.confidence, atol=1e-5)
+    np.testing.assert_array_equal(np.asarray(Image.open(folder / "centre.png")), lf.views[2, 2])
+    coloured = Image.open(folder / "disparity.png")
+    assert coloured.height >= 34 and coloured.width > 40
+    run = json.loads((folder / "run.json").read_text())
+    assert run["size_px"] == {"height": 34, "width": 40}
+    assert run["scores"]["mse_x100"] == pytest.approx(result.scores["mse_x100"])
+    assert set(run["seconds"]) == {"prepare", "network", "confidence"}
+
+
+def test_without_truth_there_are_no_scores(estimator, lf):
+    assert estimator.predict(LightField(lf.views)).scores is None
+
+
+def test_only_a_result_is_replaced(estimator, lf, tmp_path):
+    result = estimator.predict(lf)
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "holiday.jpg").write_text("dear to someone")
+    with pytest.raises(InputError, match="a folder with other things in it"):
+        result.save(tmp_path / "photos")
+    assert (tmp_path / "photos" / "holiday.jpg").exists()
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="a file stands where"):
+        result.save(tmp_path / "file")
+    result.save(tmp_path / "twice")
+    result.save(tmp_path / "twice")
+    assert {p.name for p in tmp_path.iterdir()} == {"photos", "file", "twice"}
+
+
+def batch(estimator, paths, out, ensemble=False, force=False):
+    return list(
+        predict_all(
+            estimator,
+            paths,
+            out,
+            reading=Reading(),
+            options=Options(ensemble=ensemble),
+            force=force,
+            progress=silent,
+        )
+    )
+
+
+def test_a_batch_skips_what_is_done_and_goes_on_after_a_failure(estimator, lf, tmp_path):
+    for name in "abc":
+        write_light_field(tmp_path / "in" / name, lf, "hci")
+    (tmp_path / "in" / "b" / "input_Cam012.png").write_bytes(b"broken")
+    paths = find_light_fields([tmp_path / "in"])
+    assert [p.name for p in paths] == ["a", "b", "c"]
+    out = tmp_path / "out"
+    first = batch(estimator, paths, out)
+    assert [o.run is None for o in first] == [False, True, False]
+    assert "input_Cam012.png" in first[1].problems[0]
+    assert {p.name for p in out.iterdir()} == {"a", "c"}
+
+    write_light_field(tmp_path / "in" / "b", lf, "hci", overwrite=True)
+    again = batch(estimator, paths, out)
+    assert [o.skipped for o in again] == [True, False, True]
+    assert not any(o.skipped for o in batch(estimator, paths, out, force=True))
+    assert not any(o.skipped for o in batch(estimator, paths, out, ensemble=True))
+
+
+def test_a_changed_input_is_predicted_again(estimator, lf, tmp_path):
+    write_light_field(tmp_path / "a", lf, "hci")
+    paths, out = [tmp_path / "a"], tmp_path / "out"
+    batch(estimator, paths, out)
+    assert batch(estimator, paths, out)[0].skipped
+    later = (out / "a" / "run.json").stat().st_mtime + 5
+    os.utime(tmp_path / "a" / "input_Cam000.png", (later, later))
+    assert not batch(estimator, paths, out)[0].skipped
+
+
+def test_results_are_never_written_over_the_input(estimator, lf, tmp_path):
+    write_light_field(tmp_path / "a", lf, "hci")
+    outcome = batch(estimator, [tmp_path / "a"], tmp_path)[0]
+    assert "other things" in outcome.problems[0]
+    assert (tmp_path / "a" / "input_Cam012.png").exists()
+
+
+def test_inputs_of_one_name_are_refused(lf, tmp_path):
+    for parent in "xy":
+        write_light_field(tmp_path / parent / "same", lf, "hci")
+    with pytest.raises(InputError, match="another light field is also named same"):
+        find_light_fields([tmp_path / "x" / "same", tmp_path / "y" / "same"])
