@@ -157,15 +157,18 @@ def train(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the run.")],
     views: Annotated[int, typer.Option(help="Views per direction: 9, 7, 5 or 3.")] = 9,
     steps: Annotated[int | None, typer.Option(min=1, help="Default: the recipe's.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of weights and scenes.")] = 1,
+    seed: Annotated[int, typer.Option(min=1, help="Seed of weights and scenes.")] = 1,
+    start: Annotated[Path | None, typer.Option(help="Weights to start from.")] = None,
 ) -> None:
     """Train a network on rendered layers; continues a run that was interrupted."""
+    from epinet.model.checkpoint import load_weights
     from epinet.train.loop import Recipe, Run
 
     recipe = Recipe(views=views, seed=seed)
     if steps is not None:
         recipe = Recipe(views=views, seed=seed, steps=steps)
-    Run(recipe, output, lambda line: print(line, flush=True)).train()
+    begun = None if start is None else load_weights(start)
+    Run(recipe, output, begun, lambda line: print(line, flush=True)).train()
     print(f"weights: {output / 'weights.safetensors'}")
 
 

@@ -156,7 +156,7 @@ class Estimator:
 
 
 def shrink(stacks: Tensor, scale: int) -> Tensor:
-    """Views (..., H, W) averaged over scale x scale pixels, the last block padded by its edge."""
+    """Views (..., N, H, W) averaged over scale x scale px, the last block padded by its edge."""
     if scale == 1:
         return stacks
     height, width = stacks.shape[-2:]

@@ -18,7 +18,6 @@ SEEDS_PER_RUN = 2**20
 TEXTURE_THRESHOLD = 0.02
 """The paper's; its reference code has 0.01."""
 
-SCENES_PER_POOL = 16
 STEPS_PER_POOL = 8
 CROP_FREEDOM_PX = 32
 
@@ -48,10 +47,10 @@ def stack_star(star: Tensor, views: int) -> Tensor:
 
 
 class BatchSource:
-    """Renders pools of scenes and cuts augmented batches from them.
+    """Renders pools of scenes and cuts an augmented patch from each for a batch.
 
-    A pool of scenes serves several steps, each with other crops, symmetries, exposure and
-    noise: rendering then costs less than a third of training.
+    A pool serves several steps, each with other crops, symmetries, exposure and noise:
+    rendering then costs less than a third of training.
     """
 
     def __init__(self, views: int, batch: int, patch: int, seed: int) -> None:
@@ -62,12 +61,11 @@ class BatchSource:
         """Batch number `step`; `disparity_range_px` counts where a new pool begins."""
         star, truth = self._rendered(step // STEPS_PER_POOL, disparity_range_px)
         g = self._generator(2 * step + 1)
-        scenes = torch.randperm(SCENES_PER_POOL, generator=g)[: self.batch].tolist()
         size = self.patch + 2 * MARGIN_PX
         corners = torch.randint(CROP_FREEDOM_PX + 1, (self.batch, 2), generator=g).tolist()
         crops = [
             (slice(i, i + 1), slice(None), slice(y, y + size), slice(x, x + size))
-            for i, (y, x) in zip(scenes, corners, strict=True)
+            for i, (y, x) in enumerate(corners)
         ]
         views = photographed(g, torch.cat([star[c] for c in crops]))
         inner = slice(MARGIN_PX, -MARGIN_PX)
@@ -84,7 +82,7 @@ class BatchSource:
         if self._pool is None or self._pool[0] != pool:
             g = self._generator(2 * pool)
             side = self.patch + 2 * MARGIN_PX + CROP_FREEDOM_PX
-            scenes = draw_scenes(g, SCENES_PER_POOL, (side, side), bounds)
+            scenes = draw_scenes(g, self.batch, (side, side), bounds)
             self._pool = (pool, *render_star(scenes, self.views))
         return self._pool[1], self._pool[2]
 

@@ -20,7 +20,7 @@ from torch import Generator, Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
 from epinet.metrics.disparity import score
-from epinet.model.checkpoint import save_weights
+from epinet.model.checkpoint import Weights, save_weights
 from epinet.model.initialise import start_on_differences
 from epinet.model.network import MARGIN_PX, Epinet, EpinetConfig
 from epinet.synth import layers
@@ -43,22 +43,22 @@ class Recipe:
 
     name: str = "first"
     views: int = 9
-    steps: int = 3800
-    batch: int = 8
-    """Patches per step."""
-    patch: int = 24
+    steps: int = 2400
+    batch: int = 32
+    """Patches per step, each of another scene: many small ones teach more than few large ones."""
+    patch: int = 8
     """Side of the map a patch gives, in px; its views are 22 px larger."""
     learning_rate: float = 1e-3
-    warmup_steps: int = 100
+    warmup_steps: int = 50
     weight_decay: float = 1e-4
     gradient_clip: float = 1.0
     averaging: float = 0.998
     """Decay of the running average of the weights."""
     disparity_px: float = 4.0
     """The range ends at +- this."""
-    narrow_px: float = 0.75
+    narrow_px: float = 1.0
     """The range starts at +- this."""
-    widening: float = 0.35
+    widening: float = 0.4
     """Share of the steps after which the whole range is used."""
     seed: int = 1
     validate_every: int = 300
@@ -93,13 +93,23 @@ def validation_set(views: int, disparity_px: float) -> tuple[Tensor, Tensor]:
 class Run:
     """One training run in a folder; continues where the folder's checkpoint stands."""
 
-    def __init__(self, recipe: Recipe, folder: Path, say: Callable[[str], None] = print) -> None:
+    def __init__(
+        self,
+        recipe: Recipe,
+        folder: Path,
+        start: Weights | None = None,
+        say: Callable[[str], None] = print,
+    ) -> None:
         self.recipe, self.folder, self.say = recipe, folder, say
+        self.started_from = None if start is None else start.metadata
         folder.mkdir(parents=True, exist_ok=True)
         torch.manual_seed(recipe.seed)
         self.net = Epinet(EpinetConfig(views=recipe.views))
         self.net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        start_on_differences(self.net)
+        if start is None:
+            start_on_differences(self.net)
+        else:
+            self.net.load_state_dict(start.net.state_dict())
         self.averaged = AveragedModel(self.net, avg_fn=self._average, use_buffers=True)
         self.optimiser = torch.optim.AdamW(
             self.net.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay
@@ -155,6 +165,7 @@ class Run:
             "recipe": asdict(self.recipe),
             "data": {"generator": layers.VERSION, "seed": self.recipe.seed},
             "disparity_range_px": [-reach, reach],
+            "started_from": self.started_from,
             "steps": self.step,
             "minutes": round(self.seconds / 60, 1),
             "scores": self.history[-1]["scores"] if self.history else {},
@@ -190,14 +201,15 @@ class Run:
             estimate = self.net(batch.stacks)
         error = (estimate - batch.disparity).abs()
         loss = (error * batch.textured).sum() / batch.textured.sum().clamp_min(1)
-        if not math.isfinite(loss.item()):
-            raise FloatingPointError(f"the loss is {loss.item()} at step {self.step}")
+        value = loss.item()
+        if not math.isfinite(value):
+            raise FloatingPointError(f"the loss is {value} at step {self.step}")
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         nn.utils.clip_grad_norm_(self.net.parameters(), self.recipe.gradient_clip)
         self.optimiser.step()
         self.averaged.update_parameters(self.net)
-        return float(loss)
+        return value
 
     def _record(self, loss: float, scores: dict[str, float]) -> None:
         entry = {
