@@ -18,6 +18,7 @@ app = typer.Typer(
     help="Depth from light fields: EPINET (CVPR 2018), from views on disk to a disparity map.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     add_completion=False,
 )
 
@@ -145,7 +146,7 @@ def demo(
     """Render a small scene with exact truth, predict it and score it. Needs no download."""
     from epinet.predict.demo import run_demo
 
-    print(f"rendering a 9x9 light field of seed {seed} and predicting it ...", flush=True)
+    print(f"rendering a 9x9 light field of seed {seed} and predicting it ...", file=sys.stderr)
     with progress("predicting") as advance:
         run = run_demo(output, seed, advance)
     print(_result_line("demo", run, output))
@@ -207,6 +208,6 @@ def main() -> None:
         for problem in error.problems:
             print(f"error: {problem}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(130)
+    except OSError as error:
+        print(f"error: {error.filename or 'input or output'}: {error.strerror}", file=sys.stderr)
+        sys.exit(2)

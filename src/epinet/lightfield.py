@@ -158,8 +158,11 @@ class LightField:
     ) -> LightField:
         """Correct the order of the views: first the transposition, then the flips.
 
-        The images stay as they are; only which view stands where changes.
+        The images stay as they are; only which view stands where changes. Flipping an even grid
+        makes another view the reference, which truth and masks do not belong to: they go.
         """
+        even_rows, even_cols = (side % 2 == 0 for side in self.grid)
+        moved = (flip_rows and even_rows) or (flip_cols and even_cols)
         views, present = self.views, self.present
         if transpose:
             views, present = np.swapaxes(views, 0, 1), present.T
@@ -167,6 +170,8 @@ class LightField:
             views, present = views[::-1], present[::-1]
         if flip_cols:
             views, present = views[:, ::-1], present[:, ::-1]
+        if moved:
+            return replace(self, views=views, present=present, truth=None, masks={})
         return replace(self, views=views, present=present)
 
     def _grid_text(self) -> str:

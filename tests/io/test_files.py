@@ -96,10 +96,12 @@ def store(path: Path, array: np.ndarray) -> None:
 # --- eslf ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("short", [0, 1, 2])
-def test_lenslets_become_views(tmp_path: Path, short: int) -> None:
-    """lf[t, s, v, u] = img[14 v + t, 14 u + s], also a row or two short of a multiple of 14."""
-    image = RNG.integers(1, 65536, (14 * 24 - short, 14 * 30, 3), dtype=np.uint16)
+@pytest.mark.parametrize("short", [(0, 0), (1, 0), (2, 1)])
+def test_lenslets_become_views(tmp_path: Path, short: tuple[int, int]) -> None:
+    """lf[t, s, v, u] = img[14 v + t, 14 u + s], also a bit short of a multiple of 14."""
+    size = (14 * 24 - short[0], 14 * 30 - short[1], 3)
+    image = RNG.integers(1, 65536, size, dtype=np.uint16)
+    image[::14, ::14] = 0  # the corner view, dark as in a capture
     write_png(tmp_path / "scene_eslf.png", image)
     lf = read_light_field(tmp_path / "scene_eslf.png")
     assert (lf.layout, lf.grid_origin) == ("eslf", (3, 3))

@@ -11,17 +11,8 @@ from PIL import Image
 from epinet.errors import InputError
 from epinet.io import read_pfm, write_light_field
 from epinet.lightfield import LightField
-from epinet.predict.batch import Options, Reading, find_light_fields, predict_all
-
-FILES = {
-    "disparity.pfm",
-    "disparity.npy",
-    "disparity.png",
-    "confidence.png",
-    "centre.png",
-    "preview.png",
-    "run.json",
-}
+from epinet.predict.batch import Options, Reading, check_names, find_light_fields, predict_all
+from epinet.predict.result import FILES
 
 
 @contextmanager
@@ -69,7 +60,12 @@ def test_only_a_result_is_replaced(estimator, lf, tmp_path):
         result.save(tmp_path / "file")
     result.save(tmp_path / "twice")
     result.save(tmp_path / "twice")
-    assert {p.name for p in tmp_path.iterdir()} == {"photos", "file", "twice"}
+    (tmp_path / "run").mkdir()
+    for name in ("run.json", "last.pt"):  # a training run
+        (tmp_path / "run" / name).write_text("{}")
+    with pytest.raises(InputError, match=r"other things in it \(last\.pt\)"):
+        result.save(tmp_path / "run")
+    assert {p.name for p in tmp_path.iterdir()} == {"photos", "file", "twice", "run"}
 
 
 def batch(estimator, paths, out, ensemble=False, force=False):
@@ -126,4 +122,4 @@ def test_inputs_of_one_name_are_refused(lf, tmp_path):
     for parent in "xy":
         write_light_field(tmp_path / parent / "same", lf, "hci")
     with pytest.raises(InputError, match="another light field is also named same"):
-        find_light_fields([tmp_path / "x" / "same", tmp_path / "y" / "same"])
+        check_names([tmp_path / "x" / "same", tmp_path / "y" / "same"])

@@ -88,7 +88,7 @@ def _order(check: OrderCheck) -> dict[str, Any]:
         "consistent": check.is_consistent,
         "flags": list(check.correction.flags),
         "grid_decided": check.decided_grid,
-        "grid_margin": round(check.grid_margin, 3),
+        "grid_margin": round(check.grid_margin, 3) if np.isfinite(check.grid_margin) else None,
         "sign_decided": check.decided_sign,
         "votes_for": check.votes.near,
         "votes_against": check.votes.far,
@@ -100,8 +100,14 @@ def _warnings(
 ) -> list[str]:
     warnings = []
     if order.is_consistent is False:
-        flags = " ".join(order.correction.flags)
-        warnings.append(f"the views stand in the wrong order; add: {flags}")
+        wanted = (
+            [order.correction]
+            if order.decided_sign
+            else [order.correction, order.correction.reversed]
+        )
+        flags = " or ".join(str(a) for a in wanted)
+        unsure = "" if order.decided_sign else " (the wrong one of them reverses the sign)"
+        warnings.append(f"the views stand in the wrong order; add: {flags}{unsure}")
     if span is not None and trained is not None:
         low, high = trained
         outside = span.min_px < low - RANGE_TOLERANCE_PX or span.max_px > high + RANGE_TOLERANCE_PX

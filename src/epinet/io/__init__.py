@@ -2,11 +2,12 @@
 
 from epinet.io.convert import write_light_field
 from epinet.io.pfm import read_pfm, write_pfm
-from epinet.io.read import LAYOUTS, is_light_field, read_light_field
+from epinet.io.read import LAYOUTS, is_light_field, named_layout, read_light_field
 
 __all__ = [
     "LAYOUTS",
     "is_light_field",
+    "named_layout",
     "read_light_field",
     "read_pfm",
     "write_light_field",

@@ -60,6 +60,21 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+def check_writable(folder: Path) -> None:
+    """Make the folder if need be, and find out before long work whether it takes files.
+
+    Raises:
+        InputError: it does not.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = _sibling(folder.resolve() / "probe")
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+
+
 def _swap_in(new: Path, target: Path) -> None:
     if not target.is_dir():
         new.rename(target)  # an OSError where a file stands there

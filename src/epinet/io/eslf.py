@@ -7,8 +7,10 @@ Pixel [14 * y + row, 14 * x + col] is pixel (x, y) of view (row, col). The outer
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io.array import present_views
@@ -18,7 +20,6 @@ from epinet.lightfield import LightField
 
 _LENSLET_PX = 14
 _FIRST, _KEPT = 3, 9
-_SPARE_ROWS = _LENSLET_PX - _FIRST - _KEPT
 
 
 def recognises(path: Path) -> bool:
@@ -29,22 +30,24 @@ def recognises(path: Path) -> bool:
 def read(path: Path) -> LightField:
     """Read the 9 x 9 views around view (7, 7).
 
-    A height up to two rows short of a multiple of 14 (the archive has such) is padded by repeating
-    the last row; that touches none of the views kept.
+    A size that is no multiple of 14 is padded up to one by repeating the edge, provided that the
+    outer views are dark: an ordinary photograph is not taken for lenslets.
 
     Raises:
         InputError: not an image, or one whose size does not fit.
     """
     image = read_image(path)
     height, width = image.shape[:2]
-    short = -height % _LENSLET_PX
-    if width % _LENSLET_PX or short > _SPARE_ROWS:
+    padding = [(0, -height % _LENSLET_PX), (0, -width % _LENSLET_PX), (0, 0)]
+    image = np.pad(image, padding, mode="edge")
+    rows, cols = image.shape[0] // _LENSLET_PX, image.shape[1] // _LENSLET_PX
+    lenslets = image.reshape(rows, _LENSLET_PX, cols, _LENSLET_PX, image.shape[2])
+    if any(map(any, padding)) and not _has_dark_border(lenslets):
         raise InputError(
             f"{path}: one image of {width}x{height} px; an ESLF image holds 14x14 pixels per "
-            "lenslet, so both are multiples of 14. For views in separate files give their folder"
+            "lenslet, so both are multiples of 14, or its outer views are dark. "
+            "For views in separate files give their folder"
         )
-    image = np.pad(image, ((0, short), (0, 0), (0, 0)), mode="edge")
-    lenslets = image.reshape(-1, _LENSLET_PX, width // _LENSLET_PX, _LENSLET_PX, image.shape[2])
     kept = slice(_FIRST, _FIRST + _KEPT)
     views = np.ascontiguousarray(lenslets[:, kept, :, kept].transpose(1, 3, 0, 2, 4))
     return LightField(
@@ -53,6 +56,13 @@ def read(path: Path) -> LightField:
         grid_origin=(_FIRST, _FIRST),
         notes=("of 14x14 views the 9x9 around (7, 7) are kept, the outer ones being dark",),
     )
+
+
+def _has_dark_border(lenslets: NDArray[Any]) -> bool:
+    """Whether the corner view is dark, as a lenslet's is; a photograph's is like all others."""
+    middle = _LENSLET_PX // 2
+    corner, centre = lenslets[:, 0, :, 0].mean(), lenslets[:, middle, :, middle].mean()
+    return bool(corner < 0.5 * centre)
 
 
 def write(path: Path, lf: LightField) -> None:

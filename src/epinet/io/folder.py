@@ -87,7 +87,7 @@ def write_views(folder: Path, lf: LightField, name: Callable[[int, int], str]) -
 def _star_side(files: Mapping[Position, Path], side: int, folder: Path) -> int:
     centre = (side - 1) // 2
     reaches = {max(abs(row - centre), abs(col - centre)) for row, col in files}
-    for reach in sorted(reaches & set(range(1, centre + 1)), reverse=True):
+    for reach in sorted((r for r in reaches if 1 <= r <= centre), reverse=True):
         n = 2 * reach + 1
         inner = {(row + 1, col + 1) for row, col in star_positions(n - 2)}
         ring = set(star_positions(n)) - inner

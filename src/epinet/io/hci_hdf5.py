@@ -58,6 +58,8 @@ def read(path: Path) -> LightField:
         note = "GT_DEPTH is left out: the attributes dH, focalLength and shift are needed with it"
         return replace(lf, notes=(*lf.notes, note))
     if depth.ndim == 4 and depth.shape[:2] == lf.grid:
+        if lf.notes:  # the views have been reversed
+            depth = depth[:, ::-1]
         depth = depth[lf.centre]
     truth = checked_truth(_disparity_px(depth, attributes), lf.size, f"{path}, GT_DEPTH")
     return replace(lf, truth=truth)

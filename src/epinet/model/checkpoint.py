@@ -17,6 +17,8 @@ from epinet.errors import InputError
 from epinet.model.network import Epinet, EpinetConfig
 
 FORMAT = "epinet-1"
+LOCAL_CONTRAST = "local contrast"
+"""Value of the metadata's "input" where the weights want views as in `model.contrast`."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +34,22 @@ class Weights:
     """Of the file."""
 
     @property
+    def sees_local_contrast(self) -> bool:
+        """Whether they were trained on local contrast; otherwise on plain gray, as published."""
+        return self.metadata.get("input") == LOCAL_CONTRAST
+
+    @property
     def disparity_range_px(self) -> tuple[float, float] | None:
         """Range of the training scenes, where the file states it."""
         bounds = self.metadata.get("disparity_range_px")
         return None if bounds is None else (float(bounds[0]), float(bounds[1]))
 
 
-def save_weights(path: Path, net: Epinet, metadata: dict[str, Any], *, half: bool = False) -> None:
-    """Write a network's weights; batch-norm statistics stay in float32 when `half`."""
+def save_weights(path: Path, net: Epinet, metadata: dict[str, Any]) -> None:
+    """Write a network's weights in half precision, its batch-norm statistics in float32."""
 
     def stored(name: str, tensor: Tensor) -> Tensor:
-        halve = half and tensor.is_floating_point() and "running" not in name
+        halve = tensor.is_floating_point() and "running" not in name
         return (tensor.half() if halve else tensor).contiguous()
 
     tensors = {n: stored(n, t.detach().cpu()) for n, t in net.state_dict().items()}
@@ -52,15 +59,16 @@ def save_weights(path: Path, net: Epinet, metadata: dict[str, Any], *, half: boo
         "metadata": json.dumps(metadata),
     }
     temporary = path.with_name(path.name + ".part")
-    save_file(tensors, temporary, metadata=header)
-    temporary.replace(path)
+    try:
+        save_file(tensors, temporary, metadata=header)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
-def shipped_weights(views: int = 9) -> Path:
+def shipped_weights() -> Path:
     """File of the weights that come with the package."""
-    return Path(
-        str(resources.files("epinet.model") / "weights" / f"epinet_{views}x{views}.safetensors")
-    )
+    return Path(str(resources.files("epinet.model") / "weights" / "epinet_9x9.safetensors"))
 
 
 def load_weights(path: Path | str | None = None) -> Weights:
@@ -75,19 +83,22 @@ def load_weights(path: Path | str | None = None) -> Weights:
     try:
         with safe_open(file, framework="pt") as stored:
             header = stored.metadata() or {}
+            digest = hashlib.sha256(file.read_bytes()).hexdigest()
             tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
         raise InputError(f"{file}: not a readable safetensors file ({error})") from error
-    digest = hashlib.sha256(file.read_bytes()).hexdigest()
     if header.get("format") != FORMAT:
         raise InputError(
             f"{file}: safetensors, but not weights of epinet (its metadata lacks format={FORMAT})"
         )
-    net = Epinet(EpinetConfig(**json.loads(header["config"])))
     try:
+        net = Epinet(EpinetConfig(**json.loads(header["config"])))
+        metadata = json.loads(header["metadata"])
         net.load_state_dict(
             {n: t.float() if t.is_floating_point() else t for n, t in tensors.items()}
         )
-    except RuntimeError as error:
-        raise InputError(f"{file}: its tensors do not fit its configuration: {error}") from error
-    return Weights(net.eval(), json.loads(header["metadata"]), str(file), digest)
+        weights = Weights(net.eval(), metadata, str(file), digest)
+        _ = weights.disparity_range_px
+    except (KeyError, IndexError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+        raise InputError(f"{file}: its configuration or tensors do not fit ({error})") from error
+    return weights

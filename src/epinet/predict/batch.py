@@ -10,11 +10,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from epinet import __version__
 from epinet.errors import InputError
-from epinet.io import is_light_field, read_light_field
+from epinet.io import is_light_field, named_layout, read_light_field
+from epinet.io.atomic import check_writable
 from epinet.lightfield import LightField
 from epinet.predict.estimator import DEFAULT_MEMORY_MB, Estimator
-from epinet.predict.result import Result, check_replaceable
+from epinet.predict.result import FILES, Result, check_replaceable
 
 Progress = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
@@ -61,22 +63,34 @@ def find_light_fields(paths: Sequence[Path], layout: str | None = None) -> list[
     """The light fields meant: a path that is none itself stands for those directly inside it.
 
     Raises:
-        InputError: two of them have the same name, so their results would collide.
+        InputError: no such layout, or a folder cannot be listed.
     """
+    recognises = is_light_field if layout is None else named_layout(layout).recognises
     found = []
     for path in paths:
         inside: list[Path] = []
-        if layout is None and path.is_dir() and not is_light_field(path):
-            inside = [p for p in sorted(path.iterdir()) if is_light_field(p)]
+        try:
+            if path.is_dir() and not recognises(path):
+                inside = [p for p in sorted(path.iterdir()) if p.is_dir() and recognises(p)]
+        except OSError as error:
+            raise InputError(f"{path}: cannot be listed ({error.strerror})") from error
         found += inside or [path]
-    counts = Counter(result_name(p) for p in found)
-    clashes = [p for p in found if counts[result_name(p)] > 1]
+    return found
+
+
+def check_names(paths: Sequence[Path]) -> None:
+    """Refuse light fields whose results would have the same name.
+
+    Raises:
+        InputError: naming all of them.
+    """
+    counts = Counter(result_name(p) for p in paths)
+    clashes = [p for p in paths if counts[result_name(p)] > 1]
     if clashes:
         raise InputError(
             [f"{p}: another light field is also named {result_name(p)}" for p in clashes]
             + ["results of the same name would overwrite each other: run them apart"]
         )
-    return found
 
 
 def result_name(path: Path) -> str:
@@ -98,9 +112,14 @@ def predict_all(
 ) -> Iterator[Outcome]:
     """Predict each light field into out/<name>, skipping those whose result stands there.
 
-    A result counts as done if it came from the same input with the same settings and weights
-    and is newer than the input. One that fails does not stop the others.
+    A result counts as done if it came from the same input with the same settings, weights and
+    version, is complete, and is newer than the input. One that fails does not stop the others.
+
+    Raises:
+        InputError: two inputs have the same name, or `out` cannot be written.
     """
+    check_names(paths)
+    check_writable(out)
     for path in paths:
         name = result_name(path)
         folder = out / name
@@ -136,6 +155,7 @@ def _request(
     path: Path, estimator: Estimator, reading: Reading, options: Options
 ) -> dict[str, Any]:
     return {
+        "epinet": __version__,
         "input": str(path.resolve()),
         "reading": asdict(reading),
         "options": asdict(options),
@@ -147,9 +167,12 @@ def _finished(folder: Path, path: Path, request: dict[str, Any]) -> dict[str, An
     """run.json of a result that answers the request, or None."""
     record = folder / "run.json"
     try:
-        run: dict[str, Any] = json.loads(record.read_text())
-        newest = max(p.stat().st_mtime for p in [path, *(path.iterdir() if path.is_dir() else [])])
+        run: Any = json.loads(record.read_text())
+        complete = {p.name for p in folder.iterdir()} == FILES
+        files = [p for p in path.iterdir() if p.is_file()] if path.is_dir() else [path]
+        newest = max(p.stat().st_mtime for p in files)
         fresh = record.stat().st_mtime >= newest
     except (OSError, ValueError):
         return None
-    return run if fresh and run.get("request") == request else None
+    same = isinstance(run, dict) and run.get("request") == request
+    return run if same and complete and fresh else None

@@ -25,8 +25,8 @@ from epinet.lightfield import LightField
 TOLERANCE = 0.02
 """Difference in luma (0..1) at which the confidence is one half: about 5 gray levels of 255."""
 
-BAND_PX = 2**19
-"""Pixels handled at once, to bound memory."""
+BAND_PX = 2**17
+"""Pixels handled at once, to bound memory: some 200 MB with 32 views."""
 
 
 @torch.inference_mode()

@@ -25,7 +25,7 @@ def run_demo(
     Raises:
         InputError: `output` holds something else than an earlier demo, or cannot be written.
     """
-    check_replaceable(output, "result/run.json")
+    check_replaceable(output, frozenset({"scene", "result"}))
     with atomic_folder(output) as folder:
         write_light_field(folder / "scene", render_demo(seed), "hci")
         lf = replace(read_light_field(folder / "scene"), source=output / "scene")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,10 +13,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from epinet.angular import SYMMETRIES
+from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import Weights, load_weights
+from epinet.model.contrast import local_contrast
 from epinet.predict.confidence import photo_consistency
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_tiled, tile_side_px
@@ -74,10 +76,19 @@ class Estimator:
         self._check(lf, ensemble, scale, step, memory_mb)
         start = time.perf_counter()
         used = lf.central(self.views, step)
+        gone = [p for p in star_positions(self.views) if not used.present[p]]
+        if gone:
+            raise InputError(
+                f"{lf.source or 'light field'}: the views at (row, column) {gone} of the central "
+                f"{self.views}x{self.views} are missing or black; the network needs them all"
+            )
         stacks = torch.from_numpy(used.stacks(self.views, self.net.config.streams))
         side = tile_side_px(self.net, memory_mb)
         prepared = time.perf_counter()
-        map_ = self._estimate(shrink(stacks, scale).to(self.device), ensemble, side, progress)
+        seen = shrink(stacks, scale).to(self.device)
+        if self.weights.sees_local_contrast:
+            seen = local_contrast(seen)
+        map_ = self._estimate(seen, ensemble, side, progress)
         disparity = enlarge(map_, scale, lf.size).cpu().numpy()
         estimated = time.perf_counter()
         confidence = photo_consistency(used, disparity)
@@ -111,7 +122,7 @@ class Estimator:
             problems.append(f"scale and step must be at least 1, not {scale} and {step}")
         elif min(lf.size) // scale < 1:
             problems.append(f"{name}: views of {lf.size[1]}x{lf.size[0]} px are too small for it")
-        if memory_mb <= 0:
+        if not (math.isfinite(memory_mb) and memory_mb > 0):
             problems.append(f"the memory bound must be positive, not {memory_mb} MB")
         if ensemble and self.net.config.streams != 4:
             problems.append("the ensemble turns streams into each other and needs all four")
@@ -124,18 +135,15 @@ class Estimator:
             raise InputError(problems)
 
     def _estimate(self, stacks: Tensor, ensemble: bool, side: int, progress: Progress) -> Tensor:
-        symmetries = SYMMETRIES if ensemble else SYMMETRIES[:1]
-
         def advance(share: float) -> None:
-            progress(share / len(symmetries))
+            progress(share / len(SYMMETRIES))
 
-        maps = [
-            s.undo(run_tiled(self.net, s.apply_to_stacks(stacks), side, advance))
-            if ensemble
-            else run_tiled(self.net, stacks, side, advance)
-            for s in symmetries
-        ]
-        return torch.stack(maps).mean(0)
+        if not ensemble:
+            return run_tiled(self.net, stacks, side, progress)
+        total = torch.zeros(stacks.shape[-2:], device=stacks.device)
+        for s in SYMMETRIES:
+            total += s.undo(run_tiled(self.net, s.apply_to_stacks(stacks), side, advance))
+        return total / len(SYMMETRIES)
 
     def _warnings(self, disparity: Any, confidence: Any, scale: int) -> tuple[str, ...]:
         warnings = []

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -17,8 +16,6 @@ DISPARITY_LABEL = "disparity (px per adjacent view, larger is nearer)"
 COLOUR_MAP = "viridis"
 ERROR_LIMIT_PX = 0.1
 """The error map's colours saturate here, about the benchmark's BadPix(0.07)."""
-
-matplotlib.rcParams["font.size"] = 9
 
 
 def robust_range(values: NDArray[np.float32]) -> tuple[float, float]:
@@ -79,7 +76,7 @@ def save_preview(path: Path, result: Result) -> None:
         panel.set_xticks([])
         panel.set_yticks([])
     if result.lightfield.source is not None:
-        figure.suptitle(result.lightfield.source.name)
+        figure.suptitle(result.lightfield.source.name, parse_math=False)
     figure.savefig(path)
 
 

@@ -17,6 +17,19 @@ from epinet.io.images import write_png
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX, score
 
+FILES = frozenset(
+    {
+        "disparity.pfm",
+        "disparity.npy",
+        "disparity.png",
+        "confidence.png",
+        "centre.png",
+        "preview.png",
+        "run.json",
+    }
+)
+"""What a result folder holds."""
+
 
 @dataclass(frozen=True)
 class Result:
@@ -106,18 +119,19 @@ class Result:
         return Path(folder)
 
 
-def check_replaceable(folder: Path, mark: str = "run.json") -> None:
-    """Refuse to replace anything but an empty folder or an earlier result, which holds `mark`.
+def check_replaceable(folder: Path, ours: frozenset[str] = FILES) -> None:
+    """Refuse to replace a folder that holds anything but the files we write into it.
 
     Raises:
         InputError: something else stands there.
     """
     if folder.is_dir():
-        if not any(folder.iterdir()) or (folder / mark).is_file():
+        others = sorted({p.name for p in folder.iterdir()} - ours)
+        if not others:
             return
-        found = "a folder with other things in it"
+        found = f"a folder with other things in it ({', '.join(others[:3])}) stands"
     elif folder.exists():
-        found = "a file"
+        found = "a file stands"
     else:
         return
-    raise InputError(f"{folder}: {found} stands where the result would go; choose another output")
+    raise InputError(f"{folder}: {found} where the result would go; choose another output")

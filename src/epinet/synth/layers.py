@@ -27,7 +27,7 @@ from epinet.synth.textures import (
     draw_textures,
 )
 
-VERSION = "layers-1"
+VERSION = "layers-2"
 """Stored with every weight trained on this generator; changes when its scenes change."""
 
 MAX_SLANT = 0.1

@@ -150,7 +150,7 @@ def draw_textures(g: Generator, x: Tensor, y: Tensor, n: int) -> Tensor:
     shade = spectral_noise(g, x, n, slope=(2.0, 3.5))
     mix = torch.rand(n, 1, 1, generator=g) ** 2
     pattern = _standardised(main + mix * fine + 0.7 * torch.rand(n, 1, 1, generator=g) * shade)
-    contrast = log_uniform(g, 0.03, 0.35, n)
+    contrast = log_uniform(g, 0.005, 0.35, n)
     mean = uniform(g, 0.08, 0.85, n)
     sharp = mean + contrast * torch.sqrt(mean / 0.5) * pattern
     return blur(sharp.clamp(0, 1), sigma_texels=0.35 * TEXELS_PER_PX)

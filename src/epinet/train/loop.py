@@ -13,16 +13,20 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, cast
 
 import torch
 from torch import Generator, Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
+from epinet.errors import InputError
+from epinet.io.atomic import check_writable
 from epinet.metrics.disparity import score
-from epinet.model.checkpoint import Weights, save_weights
+from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, save_weights
+from epinet.model.contrast import local_contrast
 from epinet.model.initialise import start_on_differences
-from epinet.model.network import MARGIN_PX, Epinet, EpinetConfig
+from epinet.model.network import MARGIN_PX, VIEW_COUNTS, Epinet, EpinetConfig
 from epinet.synth import layers
 from epinet.train.batches import (
     STEPS_PER_POOL,
@@ -85,7 +89,7 @@ def validation_set(views: int, disparity_px: float) -> tuple[Tensor, Tensor]:
     stars, truths = [], []
     for reach in (disparity_px, disparity_px / 4):
         star, truth = render_star(layers.draw_scenes(g, 8, size, (-reach, reach), 8), views)
-        stars.append(photographed(g, star))
+        stars.append(local_contrast(photographed(g, star)))
         truths.append(truth[..., MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
     return stack_star(torch.cat(stars), views), torch.cat(truths)
 
@@ -102,7 +106,11 @@ class Run:
     ) -> None:
         self.recipe, self.folder, self.say = recipe, folder, say
         self.started_from = None if start is None else start.metadata
-        folder.mkdir(parents=True, exist_ok=True)
+        if recipe.views not in VIEW_COUNTS:
+            raise InputError(f"views must be one of {VIEW_COUNTS}, not {recipe.views}")
+        if start is not None and start.net.config != EpinetConfig(views=recipe.views):
+            raise InputError(f"{start.source}: weights of another network than the recipe's")
+        check_writable(folder)
         torch.manual_seed(recipe.seed)
         self.net = Epinet(EpinetConfig(views=recipe.views))
         self.net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -128,9 +136,15 @@ class Run:
         return torch.lerp(new, average, decay) if average.is_floating_point() else new
 
     def _resume(self) -> None:
-        state = torch.load(self._checkpoint, weights_only=True)
+        try:
+            state = torch.load(self._checkpoint, weights_only=True)
+        except (OSError, RuntimeError, UnpicklingError) as error:
+            raise InputError(f"{self._checkpoint}: not a readable checkpoint ({error})") from error
         if state["recipe"] != asdict(self.recipe):
-            raise ValueError(f"{self._checkpoint} belongs to another recipe")
+            raise InputError(
+                f"{self._checkpoint}: belongs to another recipe; choose another folder"
+            )
+        self.started_from = state["started_from"]
         self.net.load_state_dict(state["net"])
         self.averaged.load_state_dict(state["averaged"])
         self.optimiser.load_state_dict(state["optimiser"])
@@ -142,6 +156,7 @@ class Run:
         """Write the checkpoint to resume from and the averaged weights to use."""
         state = {
             "recipe": asdict(self.recipe),
+            "started_from": self.started_from,
             "net": self.net.state_dict(),
             "averaged": self.averaged.state_dict(),
             "optimiser": self.optimiser.state_dict(),
@@ -165,6 +180,7 @@ class Run:
             "recipe": asdict(self.recipe),
             "data": {"generator": layers.VERSION, "seed": self.recipe.seed},
             "disparity_range_px": [-reach, reach],
+            "input": LOCAL_CONTRAST,
             "started_from": self.started_from,
             "steps": self.step,
             "minutes": round(self.seconds / 60, 1),
@@ -201,9 +217,12 @@ class Run:
             estimate = self.net(batch.stacks)
         error = (estimate - batch.disparity).abs()
         loss = (error * batch.textured).sum() / batch.textured.sum().clamp_min(1)
-        value = loss.item()
+        value: float = loss.item()
         if not math.isfinite(value):
-            raise FloatingPointError(f"the loss is {value} at step {self.step}")
+            raise FloatingPointError(
+                f"the loss is {value} at step {self.step}; "
+                f"{self._checkpoint} holds the last good state"
+            )
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         nn.utils.clip_grad_norm_(self.net.parameters(), self.recipe.gradient_clip)

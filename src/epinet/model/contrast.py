@@ -1,0 +1,38 @@
+"""Local contrast: what weights trained on it see instead of plain gray.
+
+Disparity shows in texture, whatever its brightness and strength; plain gray makes a network learn
+every contrast anew and fail on dark walls. So each view is brought to the same local mean and
+standard deviation. The network itself is unchanged.
+"""
+
+from __future__ import annotations
+
+from torch import Tensor
+from torch.nn import functional as F
+
+WINDOW_PX = 25
+"""Mean and deviation are taken over this square, about the network's field of view."""
+FLOOR = 0.005
+"""Deviations well below this (about one gray level of 255) count as noise and stay faint."""
+MEAN, DEVIATION = 0.5, 0.15
+
+
+def local_contrast(views: Tensor) -> Tensor:
+    """Views (..., H, W), each around MEAN with about DEVIATION in every WINDOW_PX square.
+
+    Every view is normalised by itself, so a surface looks alike in all views that see it.
+    """
+    images = views.reshape(-1, 1, *views.shape[-2:])
+    mean = _box(images)
+    variance = (_box(images * images) - mean * mean).clamp_min(0)
+    normal = (images - mean) / (variance + FLOOR**2).sqrt()
+    return (MEAN + DEVIATION * normal).view(views.shape)
+
+
+def _box(images: Tensor) -> Tensor:
+    for window, pad in (
+        ((WINDOW_PX, 1), (WINDOW_PX // 2, 0)),
+        ((1, WINDOW_PX), (0, WINDOW_PX // 2)),
+    ):
+        images = F.avg_pool2d(images, window, 1, pad, count_include_pad=False)
+    return images

@@ -1,0 +1,55 @@
+"""What is shipped: the wheel, and how good its weights are on a scene never trained on."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+import epinet
+from epinet.lightfield import LightField
+from epinet.model.checkpoint import load_weights
+from epinet.synth.layers import VERSION
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_the_wheel_carries_the_weights(tmp_path):
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path, ROOT]
+    subprocess.run(command, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    assert "epinet/model/weights/epinet_9x9.safetensors" in names
+    assert "epinet/py.typed" in names
+    assert not any(name.startswith("tests") for name in names)
+
+
+def test_shipped_weights_say_what_they_are():
+    weights = load_weights()
+    assert weights.net.config.views == 9
+    assert weights.metadata["data"]["generator"] == VERSION
+    assert weights.metadata["steps"] == weights.metadata["recipe"]["steps"]
+    assert {"badpix_0.07", "mse_x100"} <= set(weights.metadata["scores"])
+
+
+def test_antinous_beats_a_constant_map_tenfold(real):
+    lf = epinet.read_light_field(real / "antinous")
+    scores = epinet.load_model().predict(lf).scores
+    assert lf.truth is not None and scores is not None
+    inner = lf.truth[15:-15, 15:-15]
+    assert scores["mse_x100"] < 0.1 * 100 * np.var(inner)
+
+
+def test_the_python_of_the_readme(tmp_path, monkeypatch):
+    """Runs as it stands, on a scene put where it expects one."""
+    readme = (ROOT / "README.md").read_text()
+    code = readme.split("```python\n")[1].split("```")[0]
+    views = np.broadcast_to(
+        np.random.default_rng(0).integers(0, 256, (24, 30, 3)), (9, 9, 24, 30, 3)
+    )
+    monkeypatch.chdir(tmp_path)
+    lf = LightField(np.ascontiguousarray(views.astype(np.uint8)))
+    epinet.write_light_field("scenes/antinous", lf, "hci")
+    exec(compile(code, "README.md", "exec"), {})
+    assert (tmp_path / "out" / "antinous" / "disparity.pfm").exists()
