@@ -154,7 +154,7 @@ def test_depth_without_attributes_is_left_out(tmp_path: Path, make: MakeLightFie
         file["GT_DEPTH"] = np.ones((24, 30))
     lf = read_light_field(tmp_path / "scene.h5")
     assert lf.truth is None
-    assert "dH, focalLength and shift" in lf.notes[1]
+    assert "dH, focalLength and shift" in lf.notes[-1]
 
 
 @pytest.mark.parametrize("name", ["scene.h5", "scene.mat", "v73.mat"])
