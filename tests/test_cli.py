@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from epinet.io import read_light_field, write_light_field, write_pfm
+from epinet.io import LAYOUTS, read_light_field, write_light_field, write_pfm
 from epinet.io.images import write_png
 from epinet.lightfield import LightField
 
@@ -422,6 +422,12 @@ def test_long_messages_are_neither_wrapped_nor_cut(tmp_path):
     name = "a_rather_long_name_" * 8
     done = run("info", tmp_path / name, columns=40)
     assert f"{name}: no such file or folder" in done.stderr
+
+
+def test_help_names_every_layout():
+    text = run("predict", "--help", columns=200).stdout
+    for name in LAYOUTS:
+        assert name in text
 
 
 def test_predict_and_info_from_disk_to_result(tmp_path):

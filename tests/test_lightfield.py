@@ -62,6 +62,7 @@ def test_corrections_of_the_order():
     assert positions(lf.reordered(transpose=True))[0][1] == (1, 0)
     # transposed first: the view that stood at (row 0, col 1) ends in the last row
     assert positions(lf.reordered(flip_rows=True, transpose=True))[1][0] == (0, 1)
+    assert "transposed, rows flipped" in lf.reordered(flip_rows=True, transpose=True).notes[0]
 
 
 def test_gray_is_the_references_luma_for_8_and_16_bits():

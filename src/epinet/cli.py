@@ -31,7 +31,11 @@ PathsArgument = Annotated[
     ),
 ]
 LayoutOption = Annotated[
-    str | None, typer.Option(help="Name of the layout on disk, where the guess is wrong.")
+    str | None,
+    typer.Option(
+        help="The layout on disk, where the guess is wrong: hci, rows_cols, numbered, eslf, "
+        "hci_hdf5, lftoolbox or array."
+    ),
 ]
 FlipRowsOption = Annotated[
     bool, typer.Option("--flip-rows", help="The views' rows are counted from the bottom.")
@@ -66,7 +70,7 @@ def info(
     reading = Reading(layout, flip_rows, flip_cols, transpose)
     bounds = load_weights(weights).disparity_range_px
     problems: list[str] = []
-    for i, path in enumerate(find_light_fields(paths, layout)):
+    for i, path in enumerate(find_light_fields(paths, layout, _remark)):
         try:
             report = inspect(reading.read(path), bounds)
         except InputError as error:
@@ -117,7 +121,7 @@ def predict(
     estimator = load_model(weights, device)
     outcomes = predict_all(
         estimator,
-        find_light_fields(paths, layout),
+        find_light_fields(paths, layout, _remark),
         output,
         reading=Reading(layout, flip_rows, flip_cols, transpose),
         options=Options(ensemble, scale, step),
@@ -171,6 +175,10 @@ def train(
     begun = None if start is None else load_weights(start)
     Run(recipe, output, begun, lambda line: print(line, flush=True)).train()
     print(f"weights: {output / 'weights.safetensors'}")
+
+
+def _remark(line: str) -> None:
+    print(line, file=sys.stderr)
 
 
 def _version(wanted: bool) -> None:

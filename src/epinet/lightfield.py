@@ -170,9 +170,13 @@ class LightField:
             views, present = views[::-1], present[::-1]
         if flip_cols:
             views, present = views[:, ::-1], present[:, ::-1]
-        if moved:
-            return replace(self, views=views, present=present, truth=None, masks={})
-        return replace(self, views=views, present=present)
+        changes = {"transposed": transpose, "rows flipped": flip_rows, "columns flipped": flip_cols}
+        made = ", ".join(name for name, done in changes.items() if done)
+        notes = self.notes
+        if made:
+            notes += (f"order of the views corrected ({made}); they are counted in that order",)
+        changed = replace(self, views=views, present=present, notes=notes)
+        return replace(changed, truth=None, masks={}) if moved else changed
 
     def _grid_text(self) -> str:
         return f"{self.grid[0]}x{self.grid[1]}"

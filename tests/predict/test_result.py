@@ -101,6 +101,20 @@ def test_a_batch_skips_what_is_done_and_goes_on_after_a_failure(estimator, lf, t
     assert not any(o.skipped for o in batch(estimator, paths, out, ensemble=True))
 
 
+def test_a_folder_stands_for_the_light_fields_inside(lf, tmp_path):
+    write_light_field(tmp_path / "views", lf, "hci")
+    write_light_field(tmp_path / "stack.npz", lf, "array")
+    lenslets = Image.fromarray(np.zeros((14 * 24, 14 * 30, 3), np.uint8))
+    lenslets.save(tmp_path / "flower_eslf.png")
+    Image.fromarray(lf.views[0, 0]).save(tmp_path / "photo.png")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "readme.txt").touch()
+    remarks = []
+    found = find_light_fields([tmp_path], say=remarks.append)
+    assert [p.name for p in found] == ["flower_eslf.png", "stack.npz", "views"]
+    assert [str(tmp_path / "other") in r for r in remarks] == [True]
+
+
 def test_a_changed_input_is_predicted_again(estimator, lf, tmp_path):
     write_light_field(tmp_path / "a", lf, "hci")
     paths, out = [tmp_path / "a"], tmp_path / "out"

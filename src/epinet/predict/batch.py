@@ -12,11 +12,14 @@ from typing import Any
 
 from epinet import __version__
 from epinet.errors import InputError
-from epinet.io import is_light_field, named_layout, read_light_field
+from epinet.io import LAYOUTS, is_light_field, named_layout, read_light_field
 from epinet.io.atomic import check_writable
+from epinet.io.images import IMAGE_SUFFIXES
 from epinet.lightfield import LightField
 from epinet.predict.estimator import DEFAULT_MEMORY_MB, Estimator
 from epinet.predict.result import FILES, Result, check_replaceable
+
+FILE_SUFFIXES = {suffix for layout in LAYOUTS.values() for suffix in layout.suffixes}
 
 Progress = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
@@ -59,8 +62,15 @@ class Outcome:
     problems: tuple[str, ...] = ()
 
 
-def find_light_fields(paths: Sequence[Path], layout: str | None = None) -> list[Path]:
+def find_light_fields(
+    paths: Sequence[Path],
+    layout: str | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> list[Path]:
     """The light fields meant: a path that is none itself stands for those directly inside it.
+
+    Folders inside that are no light fields are left out, and named to `say`. Of the files inside,
+    images count only where their name ends in `_eslf`: other images are not lenslets.
 
     Raises:
         InputError: no such layout, or a folder cannot be listed.
@@ -71,11 +81,21 @@ def find_light_fields(paths: Sequence[Path], layout: str | None = None) -> list[
         inside: list[Path] = []
         try:
             if path.is_dir() and not recognises(path):
-                inside = [p for p in sorted(path.iterdir()) if p.is_dir() and recognises(p)]
+                entries = [p for p in sorted(path.iterdir()) if p.is_dir() or _may_be_one(p)]
+                inside = [p for p in entries if recognises(p)]
+                if inside:
+                    for p in sorted(set(entries) - set(inside)):
+                        say(f"left out: {p} (no light field recognised; --layout names one)")
         except OSError as error:
             raise InputError(f"{path}: cannot be listed ({error.strerror})") from error
         found += inside or [path]
     return found
+
+
+def _may_be_one(file: Path) -> bool:
+    if file.suffix.lower() in IMAGE_SUFFIXES:
+        return file.stem.lower().endswith("_eslf")
+    return file.suffix.lower() in FILE_SUFFIXES
 
 
 def check_names(paths: Sequence[Path]) -> None:

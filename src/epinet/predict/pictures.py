@@ -57,7 +57,10 @@ def save_preview(path: Path, result: Result) -> None:
     axes: list[Any] = list(figure.subplots(1, panels))
     low, high = robust_range(result.disparity)
     axes[0].imshow(result.centre_view)
-    axes[0].set_title("centre view")
+    source = result.lightfield.source
+    axes[0].set_title("centre view" if source is None else source.name, parse_math=False)
+    # As high as its neighbours with their colour bars.
+    figure.colorbar(None, ax=axes[0], location="bottom", label=" ").ax.set_visible(False)
     shown = axes[1].imshow(result.disparity, cmap=COLOUR_MAP, vmin=low, vmax=high)
     axes[1].set_title("disparity")
     figure.colorbar(shown, ax=axes[1], location="bottom", label="px per adjacent view")
@@ -70,13 +73,16 @@ def save_preview(path: Path, result: Result) -> None:
         shown = axes[3].imshow(error, cmap="coolwarm", vmin=-limit, vmax=limit)
         axes[3].set_title(_score_line(result.scores))
         figure.colorbar(
-            shown, ax=axes[3], location="bottom", label="estimate - truth (px)", extend="both"
+            shown,
+            ax=axes[3],
+            location="bottom",
+            label="estimate - truth (px)",
+            extend="both",
+            ticks=[-limit, 0, limit],
         )
     for panel in axes:
         panel.set_xticks([])
         panel.set_yticks([])
-    if result.lightfield.source is not None:
-        figure.suptitle(result.lightfield.source.name, parse_math=False)
     figure.savefig(path)
 
 

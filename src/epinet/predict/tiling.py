@@ -12,7 +12,7 @@ from torch.nn import functional as F
 
 from epinet.model.network import MARGIN_PX, Epinet
 
-FLOATS_PER_PX_AND_CHANNEL = 4.5
+FLOATS_PER_PX_AND_CHANNEL = 5.3
 """Peak of what the merge part holds at once (measured; see benchmarks/memory.py)."""
 
 
