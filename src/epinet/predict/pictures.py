@@ -56,11 +56,11 @@ def save_preview(path: Path, result: Result) -> None:
     figure = Figure(figsize=size, layout="constrained", dpi=110)
     axes: list[Any] = list(figure.subplots(1, panels))
     low, high = robust_range(result.disparity)
-    axes[0].imshow(result.centre_view)
+    shown = axes[0].imshow(result.centre_view)
     source = result.lightfield.source
     axes[0].set_title("centre view" if source is None else source.name, parse_math=False)
     # As high as its neighbours with their colour bars.
-    figure.colorbar(None, ax=axes[0], location="bottom", label=" ").ax.set_visible(False)
+    figure.colorbar(shown, ax=axes[0], location="bottom", label=" ").ax.set_visible(False)
     shown = axes[1].imshow(result.disparity, cmap=COLOUR_MAP, vmin=low, vmax=high)
     axes[1].set_title("disparity")
     figure.colorbar(shown, ax=axes[1], location="bottom", label="px per adjacent view")
