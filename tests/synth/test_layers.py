@@ -6,8 +6,8 @@ import torch
 from scipy.ndimage import map_coordinates
 
 from epinet.synth.demo import render_demo
+from epinet.synth.layer_textures import TEXELS_PER_PX
 from epinet.synth.layers import LayerScenes, draw_scenes
-from epinet.synth.textures import TEXELS_PER_PX
 
 
 @pytest.fixture(scope="module")

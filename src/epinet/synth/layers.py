@@ -20,7 +20,7 @@ import torch
 from torch import Generator, Tensor
 from torch.nn import functional as F
 
-from epinet.synth.textures import (
+from epinet.synth.layer_textures import (
     TEXELS_PER_PX,
     canvas_coordinates,
     draw_silhouettes,
