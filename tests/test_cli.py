@@ -372,6 +372,76 @@ def demo_over_other_things(folder):
     return ["demo", "-o", folder]
 
 
+def synth(folder: Path, *more: object, scenes: int = 1) -> list[object]:
+    return ["synth", folder / "set", "--scenes", scenes, "--size", "32x24", *more]
+
+
+@case("a data set of 0 scenes: at least 1")
+def data_set_of_nothing(folder):
+    return synth(folder, scenes=0)
+
+
+@case(r"the disparity range 4\.\.-4 px is empty")
+def data_set_of_an_empty_range(folder):
+    return synth(folder, "--range", "4,-4")
+
+
+@case("range broad: give narrow, hci, wide or LOW,HIGH")
+def data_set_of_an_unknown_range(folder):
+    return synth(folder, "--range", "broad")
+
+
+@case("size 32by24: give WIDTHxHEIGHT")
+def data_set_of_a_size_that_is_none(folder):
+    return synth(folder, "--size", "32by24")
+
+
+@case("20x16 px are too small", "23x23")
+def data_set_that_could_not_be_read(folder):
+    return synth(folder, "--size", "20x16")
+
+
+@case(r"about \d+ MB are needed, \d+ MB are free")
+def data_set_beyond_the_disk(folder):
+    return synth(folder, "--size", "99999x99999", scenes=50)
+
+
+@case("--resume keeps what is there, --force replaces it")
+def data_set_to_keep_and_to_replace(folder):
+    return synth(folder, "--resume", "--force")
+
+
+@case("photos: holds no readable image")
+def data_set_of_photographs_that_are_none(folder):
+    (folder / "photos").mkdir()
+    (folder / "photos" / "holiday.jpg").write_text("not a picture")
+    return synth(folder, "--textures", folder / "photos")
+
+
+@case("set: not empty", "--resume", "--force")
+def data_set_over_other_things(folder):
+    scene(folder / "set")
+    return synth(folder)
+
+
+@case(r"set: no data set of epinet \(dataset\.json is missing")
+def data_set_to_replace_that_is_none(folder):
+    scene(folder / "set")
+    return synth(folder, "--force")
+
+
+@case("set: a file stands where the data set would go")
+def data_set_where_a_file_is(folder):
+    (folder / "set").write_text("")
+    return synth(folder)
+
+
+@case("no data set of epinet")
+def validation_set_among_other_things(folder):
+    scene(folder)
+    return ["validation", folder]
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a command did."""
@@ -456,3 +526,17 @@ def test_demo_from_nothing_to_a_scored_map(tmp_path):
     truth = read_light_field(tmp_path / "demo" / "scene").truth
     assert result["scores"]["mse_x100"] < 0.2 * 100 * truth.var()
     assert (tmp_path / "demo" / "result" / "preview.png").stat().st_size > 10_000
+
+
+def test_synth_from_nothing_to_a_data_set_with_a_sheet(tmp_path):
+    done = run(*synth(tmp_path, "--range", "-1,1", "--star", "--sheet"))
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert any(line.startswith("disparity") for line in lines)
+    assert lines[-1] == f"1 scenes -> {tmp_path / 'set'}"
+    lf = read_light_field(tmp_path / "set" / "scene_00000")
+    assert (lf.size, lf.present.sum(), lf.truth.shape) == ((24, 32), 33, (24, 32))
+    assert (tmp_path / "set" / "sheet.png").stat().st_size > 10_000
+    before = snapshot(tmp_path)
+    assert run(*synth(tmp_path, "--range", "-1,1", "--star", "--resume")).returncode == 0
+    assert snapshot(tmp_path) == before

@@ -12,7 +12,7 @@ import pytest
 from epinet.angular import star_positions
 from epinet.camera import Camera
 from epinet.errors import InputError
-from epinet.io import LAYOUTS, read_light_field, write_light_field
+from epinet.io import LAYOUTS, read_light_field, read_pfm, write_light_field
 from epinet.io.lftoolbox import write_v73
 from epinet.lightfield import LightField
 
@@ -105,6 +105,8 @@ def test_camera_truth_and_masks(tmp_path: Path, make: MakeLightField, camera: Ca
     np.testing.assert_array_equal(scene.truth, truth)
     assert scene.masks.keys() == masks.keys()
     assert all((scene.masks[name] == mask).all() for name, mask in masks.items())
+    depth = read_pfm(tmp_path / "scene" / "gt_depth_lowres.pfm")
+    np.testing.assert_allclose(camera.disparity_px(depth), truth, atol=1e-5)
 
     np.testing.assert_array_equal(read_light_field(tmp_path / "scene.npz").truth, truth)
     hdf5_truth = read_light_field(tmp_path / "scene.h5").truth

@@ -9,8 +9,9 @@ import torch
 from epinet.angular import direction_positions
 from epinet.errors import InputError
 from epinet.model.checkpoint import load_weights
+from epinet.synth.generator import star_offsets
 from epinet.train import loop
-from epinet.train.batches import BatchSource, photographed, stack_star, star_offsets, textured
+from epinet.train.batches import BatchSource, stack_star, textured
 from epinet.train.loop import Recipe, Run
 
 TINY = Recipe(views=3, steps=4, batch=2, patch=4, warmup_steps=2, validate_every=2)
@@ -72,16 +73,6 @@ def test_textureless_surroundings_are_rejected_as_published():
             expected = np.mean(np.abs(patch - patch[11, 11])) >= 0.02
             assert bool(weights[0, 0, row, col]) == expected
     assert 0 < weights.mean() < 1
-
-
-def test_photographs_are_8_bit_and_keep_the_order_of_brightness():
-    star = torch.linspace(0.2, 0.4, 64).view(1, 1, 8, 8).expand(4, 3, 8, 8)
-    photo = photographed(torch.Generator().manual_seed(0), star)
-    levels = photo * 255
-    np.testing.assert_allclose(levels, levels.round(), atol=1e-4)
-    assert 0 <= photo.min() <= photo.max() <= 1
-    halves = photo.flatten(2)
-    assert (halves[..., 32:].mean(-1) > halves[..., :32].mean(-1)).all()
 
 
 def test_the_range_widens_and_the_rate_falls():

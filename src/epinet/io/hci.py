@@ -2,7 +2,8 @@
 
 `input_Cam000.png` onwards (index = columns * row + col from the top-left), and where they exist
 `parameters.cfg`, `gt_disp_lowres.pfm` and the masks `invalid_mask.png`, `valid_mask.png` and
-`mask_<name>_lowres.png`.
+`mask_<name>_lowres.png`. `gt_depth_lowres.pfm` (depth in mm) is written where the camera is known
+and never read: it follows from the disparity and the camera.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ Size = tuple[int, int]
 
 _VIEW = re.compile(r"input_cam(\d+)", re.IGNORECASE)
 _TRUTH = "gt_disp_lowres.pfm"
+_DEPTH = "gt_depth_lowres.pfm"
 _PARAMETERS = "parameters.cfg"
 _BENCHMARK_SIDE = 9
 
@@ -70,12 +72,14 @@ def read(folder: Path) -> LightField:
 
 
 def write(folder: Path, lf: LightField) -> None:
-    """Write everything that `read` reads."""
+    """Write everything that `read` reads, and the depth for those who want it."""
     side = lf.grid[1]
     write_views(folder, lf, lambda row, col: f"input_Cam{side * row + col:03d}.png")
     write_parameters(folder / _PARAMETERS, lf)
     if lf.truth is not None:
         write_pfm(folder / _TRUTH, lf.truth)
+        if lf.camera is not None:
+            write_pfm(folder / _DEPTH, lf.camera.depth_mm(lf.truth))
     for name, mask in lf.masks.items():
         write_png(folder / _mask_name(name), mask.astype(np.uint8) * np.uint8(255))
 

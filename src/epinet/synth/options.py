@@ -37,7 +37,7 @@ class Faults:
     def none(cls) -> Faults:
         """A perfect camera."""
         strengths = {f.name: 0.0 for f in fields(cls) if f.name != "quantise"}
-        return cls(quantise=False, **strengths)  # type: ignore[arg-type]
+        return cls(quantise=False, **strengths)
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ class Options:
     """Share of surfaces that mirror, or let through, a second scene."""
     highlights: float = 0.25
     """Share of surfaces with a highlight that moves with the view."""
-    surfaces: tuple[int, int] = (2, 24)
+    surfaces: tuple[int, int] = (4, 32)
     """Fewest and most objects in front of the background."""
     clutter: float = 0.12
-    """Share of scenes with up to `4 x` as many, small cut-outs."""
+    """Share of scenes with up to three times as many more, small cut-outs."""
     faults: Faults = field(default_factory=Faults)
     samples: int = 4
     """Rays per pixel and view."""

@@ -1,27 +1,27 @@
-"""Endless training batches from the layer generator; batch k depends on the seed and k alone."""
+"""Endless training batches of rendered scenes; batch k depends on the seed and k alone."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
-from torch import Generator, Tensor
+from torch import Tensor
 from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, SYMMETRIES, direction_positions, star_positions
-from epinet.model.contrast import local_contrast
+from epinet.model.contrast import WINDOW_PX, local_contrast
 from epinet.model.network import MARGIN_PX
-from epinet.synth.layers import LayerScenes, draw_scenes
-
-SEEDS_PER_RUN = 2**20
-"""Torch's CPU generator heeds 32 bits of a seed: run s takes the seeds from (s - 1) * this on."""
+from epinet.synth.faults import photographed
+from epinet.synth.generator import Pool, generator, pools, star_offsets
+from epinet.synth.options import Options
 
 TEXTURE_THRESHOLD = 0.003
 """The paper has 0.02, its reference code 0.01, for which dark walls show no texture at all; in
 low noise, 23x23 pixels tell disparity from a contrast near the 8-bit step."""
 
-STEPS_PER_POOL = 8
+STEPS_PER_POOL = 16
 CROP_FREEDOM_PX = 32
+CONTRAST_MARGIN_PX = WINDOW_PX // 2
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,9 @@ class Batch:
     """(B, 4, N, P + 22, P + 22) local contrast of the gray views."""
     disparity: Tensor
     """(B, 1, P, P) px per adjacent view."""
-    textured: Tensor
-    """(B, 1, P, P): 1 where the surroundings have texture to match, else 0."""
-
-
-def star_offsets(views: int) -> list[tuple[int, int]]:
-    """(row, col) of the star's views counted from the centre view."""
-    return [(r - views // 2, c - views // 2) for r, c in star_positions(views)]
+    weight: Tensor
+    """(B, 1, P, P): 1 where the truth can be told from the views, 0 where the surroundings have no
+    texture to match and on mirrors."""
 
 
 def stack_star(star: Tensor, views: int) -> Tensor:
@@ -51,53 +47,48 @@ def stack_star(star: Tensor, views: int) -> Tensor:
 class BatchSource:
     """Renders pools of scenes and cuts an augmented patch from each for a batch.
 
-    A pool serves several steps, each with other crops, symmetries, exposure and noise:
-    rendering then costs less than a third of training.
+    A pool serves several steps, each with other crops, symmetries, exposure and noise.
     """
 
     def __init__(self, views: int, batch: int, patch: int, seed: int) -> None:
-        self.views, self.batch, self.patch, self.seed = views, batch, patch, seed
-        self._pool: tuple[int, Tensor, Tensor] | None = None
+        self.batch, self.patch, self.seed = batch, patch, seed
+        self.seen_px = patch + 2 * MARGIN_PX
+        side = self.seen_px + 2 * CONTRAST_MARGIN_PX + CROP_FREEDOM_PX
+        self.options = Options(size=(side, side), views=views)
+        self._pool: tuple[int, Pool] | None = None
 
     def __call__(self, step: int, disparity_range_px: tuple[float, float]) -> Batch:
         """Batch number `step`; `disparity_range_px` counts where a new pool begins."""
-        star, truth = self._rendered(step // STEPS_PER_POOL, disparity_range_px)
-        g = self._generator(2 * step + 1)
-        size = self.patch + 2 * MARGIN_PX
+        pool = self._rendered(step // STEPS_PER_POOL, disparity_range_px)
+        g = generator(self.seed, 3, step)
         corners = torch.randint(CROP_FREEDOM_PX + 1, (self.batch, 2), generator=g).tolist()
-        crops = [
-            (slice(i, i + 1), slice(None), slice(y, y + size), slice(x, x + size))
-            for i, (y, x) in enumerate(corners)
-        ]
-        photos = photographed(g, star)
-        seen = local_contrast(photos)
-        views = torch.cat([seen[c] for c in crops])
-        inner = slice(MARGIN_PX, -MARGIN_PX)
-        disparity = torch.cat([truth[c] for c in crops])[..., inner, inner]
-        middle = star_offsets(self.views).index((0, 0))
-        weight = textured(torch.cat([photos[c] for c in crops])[:, middle : middle + 1])
+        margin = CONTRAST_MARGIN_PX
+        photos = photographed(
+            g, _cut(pool.views, corners, self.seen_px + 2 * margin), self.options.faults
+        )[:, :, 0]
+        inner = slice(margin, -margin)
+        seen = local_contrast(photos)[..., inner, inner]
+        centre = star_offsets(self.options.views).index((0, 0))
+        weight = textured(photos[:, centre : centre + 1, inner, inner])
+        map_corners = [(y + margin + MARGIN_PX, x + margin + MARGIN_PX) for y, x in corners]
+        disparity = _cut(pool.disparity, map_corners, self.patch)
+        weight = weight * _cut(pool.valid, map_corners, self.patch)
         symmetry = SYMMETRIES[int(torch.randint(len(SYMMETRIES), (), generator=g))]
-        stacks = symmetry.apply_to_stacks(stack_star(views, self.views))
+        stacks = symmetry.apply_to_stacks(stack_star(seen, self.options.views))
         return Batch(stacks, symmetry.apply(disparity), symmetry.apply(weight))
 
-    def _generator(self, k: int) -> Generator:
-        return Generator().manual_seed((self.seed - 1) * SEEDS_PER_RUN + k)
-
-    def _rendered(self, pool: int, bounds: tuple[float, float]) -> tuple[Tensor, Tensor]:
-        if self._pool is None or self._pool[0] != pool:
-            g = self._generator(2 * pool)
-            side = self.patch + 2 * MARGIN_PX + CROP_FREEDOM_PX
-            scenes = draw_scenes(g, self.batch, (side, side), bounds)
-            self._pool = (pool, *render_star(scenes, self.views))
-        return self._pool[1], self._pool[2]
+    def _rendered(self, k: int, bounds: tuple[float, float]) -> Pool:
+        if self._pool is None or self._pool[0] != k:
+            options = replace(self.options, disparity_px=bounds)
+            self._pool = k, next(pools(options, self.seed, self.batch, first=k))
+        return self._pool[1]
 
 
-def render_star(scenes: LayerScenes, views: int) -> tuple[Tensor, Tensor]:
-    """Gray star views (B, 4N-3, H, W) and centre disparity (B, 1, H, W)."""
-    offsets = star_offsets(views)
-    rendered, disparity = scenes.render(offsets)
-    centre = offsets.index((0, 0))
-    return rendered[:, :, 0], disparity[:, centre : centre + 1].clone()
+def _cut(images: Tensor, corners: list[tuple[int, int]], side: int) -> Tensor:
+    """Squares of (B, ..., H, W), one of each."""
+    return torch.stack(
+        [i[..., y : y + side, x : x + side] for i, (y, x) in zip(images, corners, strict=True)]
+    )
 
 
 def textured(centre: Tensor, threshold: float = TEXTURE_THRESHOLD) -> Tensor:
@@ -117,20 +108,3 @@ def textured(centre: Tensor, threshold: float = TEXTURE_THRESHOLD) -> Tensor:
     surroundings = F.unfold(centre, side).view(len(centre), side**2, *inner.shape[-2:])
     difference = (surroundings - inner).abs().mean(1, keepdim=True)
     return (difference >= threshold).float()
-
-
-def photographed(g: Generator, star: Tensor) -> Tensor:
-    """Exposure, gamma, differences between views, noise and 8-bit rounding of (B, P, H, W)."""
-    b, p = star.shape[:2]
-
-    def rand(low: float, high: float, *shape: int) -> Tensor:
-        return low + (high - low) * torch.rand(*shape, generator=g)
-
-    gain = torch.exp(rand(-0.6, 0.4, b, 1, 1, 1))
-    gamma = rand(0.8, 1.2, b, 1, 1, 1)
-    unevenness = 0.02 * torch.rand(b, 1, 1, 1, generator=g) ** 4
-    view_gain = 1 + unevenness * torch.randn(b, p, 1, 1, generator=g)
-    noise = 0.012 * torch.rand(b, 1, 1, 1, generator=g) ** 6
-    exposed = (star * gain).clamp(0, 1) ** gamma * view_gain
-    noisy = exposed + noise * torch.randn(star.shape, generator=g)
-    return torch.round(noisy.clamp(0, 1) * 255) / 255

@@ -17,7 +17,7 @@ from pickle import UnpicklingError
 from typing import Any, cast
 
 import torch
-from torch import Generator, Tensor, nn
+from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
 from epinet.errors import InputError
@@ -27,18 +27,16 @@ from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, save_weights
 from epinet.model.contrast import local_contrast
 from epinet.model.initialise import start_on_differences
 from epinet.model.network import MARGIN_PX, VIEW_COUNTS, Epinet, EpinetConfig
-from epinet.synth import layers
+from epinet.synth.faults import photographed
+from epinet.synth.generator import VERSION, generator, pools
+from epinet.synth.options import Options
+from epinet.synth.validation import VALIDATION_SEED
 from epinet.train.batches import (
     STEPS_PER_POOL,
     Batch,
     BatchSource,
-    photographed,
-    render_star,
     stack_star,
 )
-
-VALIDATION_SEED = 987_654_321
-"""Beyond the seeds of the first 900 runs, see batches.SEEDS_PER_RUN."""
 
 
 @dataclass(frozen=True)
@@ -80,17 +78,19 @@ class Recipe:
 
 
 def validation_set(views: int, disparity_px: float) -> tuple[Tensor, Tensor]:
-    """16 scenes that no training seed draws: stacks (16, 4, N, 150, 150), truth (16, 1, 128, 128).
+    """16 scenes of held-out textures and shapes: stacks (16, 4, N, 150, 150), truth (16, 1, 128,
+    128).
 
     Half of them have the full range, half a quarter of it.
     """
-    g = Generator().manual_seed(VALIDATION_SEED)
     size = (128 + 2 * MARGIN_PX,) * 2
     stars, truths = [], []
-    for reach in (disparity_px, disparity_px / 4):
-        star, truth = render_star(layers.draw_scenes(g, 8, size, (-reach, reach), 8), views)
-        stars.append(local_contrast(photographed(g, star)))
-        truths.append(truth[..., MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
+    for k, reach in enumerate((disparity_px, disparity_px / 4)):
+        options = Options(size=size, disparity_px=(-reach, reach), views=views, held_out=True)
+        pool = next(pools(options, VALIDATION_SEED, 8, first=k))
+        photos = photographed(generator(VALIDATION_SEED, 3, k), pool.views, options.faults)
+        stars.append(local_contrast(photos[:, :, 0]))
+        truths.append(pool.disparity[..., MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
     return stack_star(torch.cat(stars), views), torch.cat(truths)
 
 
@@ -178,7 +178,7 @@ class Run:
         reach = self.recipe.disparity_px
         return {
             "recipe": asdict(self.recipe),
-            "data": {"generator": layers.VERSION, "seed": self.recipe.seed},
+            "data": {"generator": VERSION, "seed": self.recipe.seed},
             "disparity_range_px": [-reach, reach],
             "input": LOCAL_CONTRAST,
             "started_from": self.started_from,
@@ -216,7 +216,7 @@ class Run:
         with torch.autocast("cpu", dtype=torch.bfloat16):
             estimate = self.net(batch.stacks)
         error = (estimate - batch.disparity).abs()
-        loss = (error * batch.textured).sum() / batch.textured.sum().clamp_min(1)
+        loss = (error * batch.weight).sum() / batch.weight.sum().clamp_min(1)
         value: float = loss.item()
         if not math.isfinite(value):
             raise FloatingPointError(

@@ -1,0 +1,444 @@
+"""Drawing scenes at random: every number comes from a CPU generator, whatever the device.
+
+Lengths are px of the centre view; a surface is built in a frame (X, Y, D = depth_px d) that is as
+deep as it is wide, turned there in any direction, and then expressed in disparity.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Generator, Tensor
+from torch.nn import functional as F
+
+from epinet.synth.bank import (
+    FLAT_TEXTURES,
+    SHADE_SIDE,
+    SILHOUETTE_SIDE,
+    SILHOUETTES,
+    TEXTURES,
+    Bank,
+    first_silhouette,
+)
+from epinet.synth.options import Options
+from epinet.synth.scenes import Light, Materials, Scenes
+from epinet.synth.surfaces import Boxes, Planes, Quadrics, Reliefs
+
+BACKGROUNDS = 3
+"""Most planes without an end; the nearest of them counts, so that several make a corner."""
+
+STEEPEST = 0.15
+"""Largest |slope| of a plane in px per px: its front is seen from views up to 6 steps away."""
+
+STEEPEST_RELIEF = 0.1
+
+WAVES = 5
+
+
+@dataclass(frozen=True)
+class Dice:
+    """Random numbers of a given shape."""
+
+    g: Generator
+
+    def uniform(self, low: float | Tensor, high: float | Tensor, *shape: int) -> Tensor:
+        return low + (high - low) * torch.rand(*shape, generator=self.g)
+
+    def log_uniform(self, low: float | Tensor, high: float | Tensor, *shape: int) -> Tensor:
+        low, high = torch.as_tensor(low).log(), torch.as_tensor(high).log()
+        return self.uniform(low, high, *shape).exp()
+
+    def chance(self, share: float, *shape: int) -> Tensor:
+        return torch.rand(*shape, generator=self.g) < share
+
+    def integer(self, low: int, high: int, *shape: int) -> Tensor:
+        """Of low..high, both included."""
+        return torch.randint(low, high + 1, shape, generator=self.g)
+
+    def rotations(self, *shape: int) -> Tensor:
+        """(*shape, 3, 3) rotations, all equally likely."""
+        q = F.normalize(torch.randn(*shape, 4, generator=self.g), dim=-1)
+        w, x, y, z = q.unbind(-1)
+        rows = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+        return torch.stack([torch.stack(row, -1) for row in rows], -2)
+
+
+@dataclass(frozen=True)
+class Place:
+    """What the surfaces of a scene have in common."""
+
+    low: Tensor
+    """(B, 1): the scene uses this part of the range, px."""
+    high: Tensor
+    depth_px: Tensor
+    """(B, 1)"""
+    background: Tensor
+    """(B, BACKGROUNDS, 3) planes without an end."""
+    backgrounds: Tensor
+    """(B, BACKGROUNDS) bool: which of them there are."""
+
+    def behind(self, x: Tensor, y: Tensor) -> Tensor:
+        """Disparity (B, O) of the background at (X, Y)."""
+        a, b, c = (t[..., None, :] for t in self.background.unbind(-1))
+        d = a + b * x[..., None] + c * y[..., None]
+        return d.masked_fill(~self.backgrounds[:, None], -math.inf).amax(-1)
+
+
+def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scenes:
+    """Draw `count` scenes; the same generator state and options give the same scenes."""
+    dice = Dice(g)
+    focal_px = dice.log_uniform(700, 2500, count) * max(1.0, max(options.size) / 512)
+    low, high = options.disparity_px
+    # The farthest disparity stays before infinity, which lies at -focal_px / depth_px.
+    depth_px = focal_px / (max(0.0, -low) + 0.5) * dice.log_uniform(0.1, 0.95, count)
+    depth_px = depth_px.clamp_max(40 * max(options.size) / (high - low))
+    place = _draw_place(dice, count, options, depth_px[:, None])
+    busy = dice.chance(options.clutter, count)
+    fewest, most = (max(1, n) for n in options.surfaces)
+    number = dice.log_uniform(fewest, most + 0.999, count).floor().long()
+    if options.surfaces[0] == 0:
+        number = torch.where(dice.chance(0.05, count), 0, number)
+    kind = dice.uniform(0, 1, count, most)
+    there = torch.arange(most) < number[:, None]
+    clutter = busy[:, None] & (torch.arange(3 * most) < dice.integer(most, 3 * most, count, 1))
+    cutouts = torch.cat([there & (kind < 0.5), clutter], 1)
+    planes = _draw_planes(dice, options, place, cutouts, first_small=most)
+    quadrics = _draw_quadrics(dice, options, place, there & (kind >= 0.5) & (kind < 0.8))
+    boxes = _draw_boxes(dice, options, place, there & (kind >= 0.8))
+    reliefs = _draw_reliefs(dice, options, place)
+    light = _draw_light(dice, count, depth_px, focal_px, len(bank.shades))
+    materials = _draw_materials(dice, options, light, planes, quadrics, reliefs, boxes)
+    scenes = Scenes(options.size, planes, quadrics, boxes, reliefs, materials, light, bank)
+    return scenes.to(bank.textures.device)
+
+
+def _draw_place(dice: Dice, count: int, options: Options, depth_px: Tensor) -> Place:
+    least, most = options.disparity_px
+    height, width = options.size
+    share = torch.where(dice.chance(0.4, count, 1), 1.0, dice.log_uniform(0.08, 1, count, 1))
+    span = (most - least) * share
+    low = least + (most - least - span) * dice.uniform(0, 1, count, 1)
+    # A plane is set by its disparity at the image's centre and what it gains towards the edges.
+    gains = 0.7 * span * dice.uniform(0, 1, count, BACKGROUNDS) ** 2
+    angle = dice.uniform(0, 2 * math.pi, count, BACKGROUNDS)
+    frontal = dice.chance(0.25, count, BACKGROUNDS)
+    gains = torch.where(frontal, 0.0, gains)
+    b, c = gains * angle.cos() / width, gains * angle.sin() / height
+    steepness = torch.hypot(b, c).clamp_min(1e-9)
+    b, c = (t * (STEEPEST / steepness).clamp_max(1) for t in (b, c))
+    reach = 0.5 * (b.abs() * width + c.abs() * height)
+    room = (0.75 * span - 2 * reach).clamp_min(0)
+    a = low + reach + room * dice.uniform(0, 1, count, BACKGROUNDS) ** 2
+    number = dice.integer(1, BACKGROUNDS, count, 1)
+    exists = torch.arange(BACKGROUNDS) < number
+    return Place(low, low + span, depth_px, torch.stack([a, b, c], -1), exists)
+
+
+def _positions(
+    dice: Dice, options: Options, place: Place, number: int
+) -> tuple[Tensor, Tensor, Tensor]:
+    """X, Y, d, each (B, O): somewhere in the picture, before the background."""
+    count = len(place.low)
+    height, width = options.size
+    x = dice.uniform(-0.55, 0.55, count, number) * width
+    y = dice.uniform(-0.55, 0.55, count, number) * height
+    behind = place.behind(x, y)
+    span = (place.high - place.low).expand(count, number)
+    small = dice.log_uniform(0.01, 1, count, number) * span
+    anywhere = dice.uniform(0, 1, count, number) * (place.high - behind).clamp_min(0)
+    step = torch.where(dice.chance(0.5, count, number), small, anywhere)
+    return x, y, torch.minimum(behind + step, place.high)
+
+
+def _draw_planes(
+    dice: Dice, options: Options, place: Place, exists: Tensor, first_small: int
+) -> Planes:
+    count, number = exists.shape
+    longest = max(options.size)
+    x, y, d = _positions(dice, options, place, number)
+    thin = dice.chance(options.thin, count, number)
+    repeats = dice.chance(0.1, count, number)
+    tile = torch.zeros(count, number, dtype=torch.long)
+    for (is_thin, is_repeating), kinds in SILHOUETTES.items():
+        first = first_silhouette(is_thin, is_repeating)
+        drawn = dice.integer(first, first + kinds - 1, count, number)
+        tile = torch.where((thin == is_thin) & (repeats == is_repeating), drawn, tile)
+    # The side of the square that the silhouette's tile covers.
+    solid = dice.log_uniform(6, 1.5 * longest, count, number)
+    slender = dice.log_uniform(48, max(256.0, 1.5 * longest), count, number)
+    side = torch.where(thin | repeats, slender, solid)
+    small = dice.log_uniform(5, 48, count, number)
+    is_small = (torch.arange(number) >= first_small) & ~(thin | repeats)
+    side = torch.where(is_small, small, side)
+    stretch = dice.log_uniform(0.6, 1.6, count, number)
+    angle = dice.uniform(0, 2 * math.pi, count, number)
+    upright = dice.chance(0.4, count, number)  # many things in the world are
+    angle = torch.where(upright, (angle / (math.pi / 2)).round() * math.pi / 2, angle)
+    along = torch.stack([angle.cos(), angle.sin()], -1) / (side * stretch)[..., None]
+    across = torch.stack([-angle.sin(), angle.cos()], -1) / (side / stretch)[..., None]
+    linear = torch.stack([along, across], -2) * SILHOUETTE_SIDE
+    at_0 = SILHOUETTE_SIDE / 2 - (linear @ torch.stack([x, y], -1)[..., None])[..., 0]
+    slopes = _slopes(dice, place, (place.high - d).clamp_min(0), side, repeats, longest)
+    a = d - slopes[..., 0] * x - slopes[..., 1] * y
+    half = 0.5 * side * math.sqrt(2) * 1.6
+    half = torch.where(repeats, math.inf, half)
+    farthest = d.abs() + slopes.abs().sum(-1) * half.nan_to_num(posinf=0)
+    bounds = torch.stack([x - half, x + half, y - half, y + half, farthest], -1)
+    endless = torch.tensor([-math.inf, math.inf, -math.inf, math.inf, 0.0])
+    backs = (count, BACKGROUNDS)
+    opaque = torch.zeros(*backs, 2, 3)
+    return Planes(
+        exists=torch.cat([place.backgrounds, exists], 1),
+        bounds=torch.cat([endless.expand(*backs, 5), bounds], 1),
+        cut=torch.cat([torch.zeros(backs, dtype=torch.bool), exists], 1),
+        coefficients=torch.cat([place.background, torch.cat([a[..., None], slopes], -1)], 1),
+        tile=torch.cat([torch.zeros(backs, dtype=torch.long), tile], 1),
+        repeats=torch.cat([torch.zeros(backs, dtype=torch.bool), repeats], 1),
+        texels=torch.cat([opaque, torch.cat([at_0[..., None], linear], -1)], 1),
+    )
+
+
+def _slopes(
+    dice: Dice, place: Place, room: Tensor, side: Tensor, endless: Tensor, longest: int
+) -> Tensor:
+    """(B, O, 2) slopes b, c: a third frontal, the rest turned by up to 80 degrees."""
+    count, number = side.shape
+    turn = dice.uniform(0, math.radians(80), count, number)
+    steepness = torch.where(dice.chance(0.35, count, number), 0.0, turn.tan() / place.depth_px)
+    extent = torch.where(endless, float(longest), side.clamp_max(longest))
+    # Near the range's end there is little room to lean forward.
+    extent = torch.where(endless, 2.0 * longest, extent)
+    most = torch.minimum(torch.tensor(STEEPEST), (room + 0.02) / (0.7 * extent))
+    steepness = torch.minimum(steepness, most)
+    angle = dice.uniform(0, 2 * math.pi, count, number)
+    return steepness[..., None] * torch.stack([angle.cos(), angle.sin()], -1)
+
+
+QUADRICS = {
+    (1.0, 0.0, -1.0): 0.4,
+    (1.0, 0.0, 0.0): 0.35,
+    (0.25, -0.5, 0.25): 0.12,
+    (0.3, 0.0, 0.7): 0.06,
+    (0.5, -0.5, 0.0): 0.07,
+}
+"""(e0, e1, e2) and how often: ellipsoids, cylinders, cones, waisted vases, bowls."""
+
+
+def _draw_quadrics(dice: Dice, options: Options, place: Place, exists: Tensor) -> Quadrics:
+    count, number = exists.shape
+    longest = max(options.size)
+    shapes = torch.tensor(list(QUADRICS))
+    weights = torch.tensor(list(QUADRICS.values()))
+    chosen = torch.multinomial(weights, count * number, replacement=True, generator=dice.g)
+    chosen = chosen.view(count, number)
+    radius = dice.log_uniform(3, 0.35 * longest, count, number)
+    rod = (chosen == 1) & dice.chance(0.4, count, number)
+    radius = torch.where(rod, dice.log_uniform(0.5, 5, count, number), radius)
+    flatness = dice.log_uniform(0.6, 1, count, number)
+    length = radius * dice.log_uniform(0.6, 2, count, number)
+    length = torch.where(rod, dice.log_uniform(10, longest, count, number), length)
+    round_ = (chosen == 0) & dice.chance(0.6, count, number)
+    flatness = torch.where(round_, 1.0, flatness)
+    length = torch.where(round_, radius, length)
+    radii = torch.stack([radius, radius * flatness, length], -1)
+    centre, matrix, bounds = _solids(dice, options, place, radii)
+    return Quadrics(exists, bounds, centre, matrix, shapes[chosen])
+
+
+def _draw_boxes(dice: Dice, options: Options, place: Place, exists: Tensor) -> Boxes:
+    count, number = exists.shape
+    radius = dice.log_uniform(3, 0.3 * max(options.size), count, number, 1)
+    radii = radius * dice.log_uniform(0.3, 1, count, number, 3)
+    centre, matrix, bounds = _solids(dice, options, place, radii)
+    return Boxes(exists, bounds, centre, matrix)
+
+
+def _solids(
+    dice: Dice, options: Options, place: Place, radii: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Centres (B, O, 3), matrices (B, O, 3, 3) and bounds (B, O, 5) of bodies of some radii."""
+    count, number = radii.shape[:2]
+    x, y, d = _positions(dice, options, place, number)
+    turned = dice.rotations(count, number) / radii[..., None]
+    # Bodies stay inside the range as far as they can: large ones are pressed flat.
+    reach = _extent(turned)
+    deep = reach[..., 2] / place.depth_px
+    room = 0.5 * (place.high - place.low) + 0.02
+    depth_px = place.depth_px * (deep / room).clamp_min(1)
+    deep = torch.minimum(deep, room)
+    scale = torch.stack([torch.ones_like(depth_px), torch.ones_like(depth_px), depth_px], -1)
+    matrix = turned * scale[..., None, :]
+    d = torch.minimum(d - deep * dice.uniform(0.2, 1, count, number), place.high - deep)
+    bounds = torch.stack(
+        [
+            x - reach[..., 0],
+            x + reach[..., 0],
+            y - reach[..., 1],
+            y + reach[..., 1],
+            d.abs() + deep,
+        ],
+        -1,
+    )
+    return torch.stack([x, y, d], -1), matrix, bounds
+
+
+def _extent(matrix: Tensor) -> Tensor:
+    """Half the sides (..., 3) of the upright box around |q_i| <= 1, q = matrix p."""
+    inverse: Tensor = torch.linalg.inv(matrix)
+    return inverse.abs().sum(-1)
+
+
+def _draw_reliefs(dice: Dice, options: Options, place: Place) -> Reliefs:
+    count = len(place.low)
+    exists = dice.chance(0.25, count, 1)
+    wavelength = dice.log_uniform(12, 1.5 * max(options.size), count, 1, WAVES)
+    steepest = torch.minimum(
+        dice.log_uniform(0.3, 6, count, 1) / place.depth_px, torch.tensor(STEEPEST_RELIEF)
+    )
+    share = dice.uniform(0.1, 1, count, 1, WAVES)
+    share = share / share.sum(-1, keepdim=True)
+    frequency = 2 * math.pi / wavelength
+    amplitude = steepest[..., None] * share / frequency
+    # Waves together keep inside the scene's range.
+    span = (place.high - place.low)[..., None]
+    amplitude = amplitude * (0.4 * span / amplitude.sum(-1, keepdim=True)).clamp_max(1)
+    angle = dice.uniform(0, 2 * math.pi, count, 1, WAVES)
+    phase = dice.uniform(0, 2 * math.pi, count, 1, WAVES)
+    waves = torch.stack([amplitude, frequency * angle.cos(), frequency * angle.sin(), phase], -1)
+    coefficients = place.background[:, :1].clone()
+    coefficients[..., 0] -= amplitude.sum(-1) * dice.uniform(0, 1, count, 1)
+    endless = torch.tensor([-math.inf, math.inf, -math.inf, math.inf, 0.0])
+    return Reliefs(exists, endless.expand(count, 1, 5), coefficients, waves)
+
+
+def _draw_light(dice: Dice, count: int, depth_px: Tensor, focal_px: Tensor, shades: int) -> Light:
+    towards = torch.randn(count, 3, generator=dice.g)
+    towards[:, 2] = towards[:, 2].abs() + 0.3
+    direction = F.normalize(towards, dim=-1)
+    strength = torch.where(dice.chance(0.5, count), 0.0, dice.uniform(0.2, 0.85, count))
+    texels = SHADE_SIDE / dice.log_uniform(30, 600, count)
+    angle = dice.uniform(0, 2 * math.pi, count)
+    turn = torch.stack([angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1).view(count, 2, 2)
+    linear = turn * texels[:, None, None]
+    # Along the light, X and Y change by direction_xy / direction_z per unit of D.
+    lean = direction[:, :2] / direction[:, 2:].clamp_min(0.2) * depth_px[:, None]
+    per_d = -(linear @ lean[..., None])
+    at_0 = dice.uniform(0, SHADE_SIDE, count, 2, 1)
+    return Light(
+        direction=direction,
+        ambient=dice.uniform(0.35, 0.9, count),
+        depth_px=depth_px,
+        focal_px=focal_px,
+        shade=dice.integer(0, shades - 1, count),
+        shade_strength=strength,
+        shade_texels=torch.cat([at_0, linear, per_d], -1),
+    )
+
+
+def _draw_materials(
+    dice: Dice,
+    options: Options,
+    light: Light,
+    planes: Planes,
+    quadrics: Quadrics,
+    reliefs: Reliefs,
+    boxes: Boxes,
+) -> Materials:
+    normal = torch.cat(
+        [
+            _plane_normals(planes.coefficients),
+            _quadric_normals(quadrics),
+            _plane_normals(reliefs.coefficients),
+            _face_normals(boxes),
+        ],
+        1,
+    )
+    normal[..., 2, :] = normal[..., 2, :] / light.depth_px[:, None, None]
+    count, number = normal.shape[:2]
+    curved = torch.zeros(count, number, dtype=torch.bool)
+    first, bodies = planes.exists.shape[1], quadrics.exists.shape[1]
+    curved[:, first : first + bodies + reliefs.exists.shape[1]] = True
+    flat = dice.chance(options.textureless, count, number)
+    tile = dice.integer(0, TEXTURES - 1, count, number)
+    tone = dice.integer(TEXTURES, TEXTURES + FLAT_TEXTURES - 1, count, number)
+    brightness = dice.log_uniform(0.9, 1.7, count, number, 1)
+    tint = brightness * dice.uniform(0.85, 1.1, count, number, 3)
+    lit = diffuse(
+        F.normalize(normal[..., 0], dim=-1), light.direction[:, None], light.ambient[:, None]
+    )
+    tint = torch.where(curved[..., None], tint, tint * lit[..., None])
+    glossy = dice.chance(options.highlights, count, number)
+    strength = torch.where(glossy, dice.uniform(0.05, 0.9, count, number), 0.0)
+    exponent = dice.log_uniform(6, 400, count, number)
+    mirrors = dice.chance(options.reflective, count, number)
+    share = torch.where(mirrors, dice.uniform(0.1, 0.95, count, number), 0.0)
+    low, high = options.disparity_px
+    mirror = [share, dice.uniform(low, high, count, number), dice.log_uniform(1, 60, count, number)]
+    return Materials(
+        tile=torch.where(flat, tone, tile),
+        texels=_draw_texels(dice, count, number, first, bodies, light.depth_px),
+        tint=tint,
+        normal=normal,
+        curved=curved,
+        highlight=torch.stack([strength, exponent], -1),
+        mirror=torch.stack(mirror, -1),
+        second=dice.integer(0, TEXTURES - 1, count, number),
+    )
+
+
+def diffuse(normal: Tensor, direction: Tensor, ambient: Tensor) -> Tensor:
+    """Lambert's law for the side that is seen, (...), from unit vectors (..., 3)."""
+    seen = torch.where(normal[..., 2:] < 0, -normal, normal)
+    return ambient + (1 - ambient) * (seen * direction).sum(-1).clamp_min(0)
+
+
+def _draw_texels(
+    dice: Dice, count: int, number: int, first: int, bodies: int, depth_px: Tensor
+) -> Tensor:
+    """(B, S, 2, 4): textures at 0.7 to 1.8 texels per px, fixed to X and Y.
+
+    On bodies they also move with depth: a side that is seen at a grazing angle has texture too.
+    """
+    density = dice.log_uniform(0.7, 1.8, count, number, 1)
+    angle = dice.uniform(0, 2 * math.pi, count, number)
+    along = torch.stack([angle.cos(), angle.sin()], -1) * density
+    across = torch.stack([-angle.sin(), angle.cos()], -1) * density
+    deep = dice.uniform(-1, 1, count, number, 2) * density * depth_px[:, None, None]
+    deep[:, :first] = 0
+    deep[:, first + bodies] = 0  # the relief
+    at_0 = dice.uniform(0, 512, count, number, 2)
+    return torch.cat([at_0[..., None], torch.stack([along, across], -2), deep[..., None]], -1)
+
+
+def _plane_normals(coefficients: Tensor) -> Tensor:
+    """(B, O, 3, 4) gradient of d - a - b X - c Y."""
+    normal = torch.zeros(*coefficients.shape[:2], 3, 4)
+    normal[..., 0, 0], normal[..., 1, 0] = -coefficients[..., 1], -coefficients[..., 2]
+    normal[..., 2, 0] = 1
+    return normal
+
+
+def _quadric_normals(quadrics: Quadrics) -> Tensor:
+    """(B, O, 3, 4) half the gradient of q1^2 + q2^2 - e0 - e1 q3 - e2 q3^2."""
+    m = quadrics.matrix
+    weights = torch.ones(*m.shape[:2], 3)
+    weights[..., 2] = -quadrics.shape[..., 2]
+    bilinear = m.mT @ (weights[..., None] * m)
+    at_0 = -(bilinear @ quadrics.centre[..., None])
+    at_0 = at_0 - m[..., 2, :, None] * quadrics.shape[..., 1, None, None] / 2
+    return torch.cat([at_0, bilinear], -1)
+
+
+def _face_normals(boxes: Boxes) -> Tensor:
+    """(B, 6 O, 3, 4): face 2 i + 1 looks along row i of the matrix, face 2 i against it."""
+    count, number = boxes.exists.shape
+    rows = boxes.matrix[:, :, :, None] * torch.tensor([-1.0, 1.0])[:, None]
+    normal = torch.zeros(count, 6 * number, 3, 4)
+    normal[..., 0] = rows.reshape(count, 6 * number, 3)
+    return normal
