@@ -66,8 +66,8 @@ def nearest(
     Returns:
         d in px per adjacent view, and the id (int16) into the scenes' materials, both (B, P, H, W).
     """
-    shape = np.broadcast_shapes(rays.x.shape, rays.y.shape, rays.du.shape)
-    shape = (scenes.count, *shape[1:])
+    broadcast = np.broadcast_shapes(rays.x.shape, rays.y.shape, rays.du.shape)
+    shape = torch.Size((scenes.count, *broadcast[1:]))
     d = torch.full(shape, -math.inf, device=rays.x.device)
     surface = torch.zeros(shape, dtype=torch.int16, device=rays.x.device)
     for group, first in zip(scenes.groups, scenes.first_ids, strict=True):
