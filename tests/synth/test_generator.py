@@ -102,7 +102,9 @@ def test_truth_of_other_views_is_the_same_surface():
     assert 0.3 < seen.float().mean() < 1
     same = seen & (seen_surface == surface)
     assert same.sum() > 0.98 * seen.sum()
-    assert (there - disparity)[same].abs().max() < 2e-3
+    apart = (there - disparity)[same].abs()
+    assert apart.quantile(0.99) < 1e-4
+    assert apart.max() < 0.01  # at a quadric's rim a rounding error of eps shows as its root
     assert (there - disparity)[~seen].min() > 0
 
 

@@ -8,8 +8,8 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from epinet.errors import InputError
+from epinet.synth.dice import Dice
 from epinet.synth.silhouettes import FAMILIES, HELD_OUT, draw_silhouettes
-from epinet.synth.tiles import Dice
 
 KINDS = [(thin, repeating) for thin in (False, True) for repeating in (False, True)]
 EVERY = [

@@ -8,8 +8,8 @@ import torch
 from PIL import Image
 
 from epinet.errors import InputError
+from epinet.synth.dice import Dice
 from epinet.synth.textures import FAMILIES, HELD_OUT, Photographs, draw_textures
-from epinet.synth.tiles import Dice
 
 EVERY = {**FAMILIES, **HELD_OUT}
 

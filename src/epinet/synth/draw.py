@@ -22,6 +22,7 @@ from epinet.synth.bank import (
     Bank,
     first_silhouette,
 )
+from epinet.synth.dice import Dice
 from epinet.synth.options import Options
 from epinet.synth.scenes import Light, Materials, Scenes
 from epinet.synth.surfaces import Boxes, Planes, Quadrics, Reliefs
@@ -35,38 +36,6 @@ STEEPEST = 0.15
 STEEPEST_RELIEF = 0.1
 
 WAVES = 5
-
-
-@dataclass(frozen=True)
-class Dice:
-    """Random numbers of a given shape."""
-
-    g: Generator
-
-    def uniform(self, low: float | Tensor, high: float | Tensor, *shape: int) -> Tensor:
-        return low + (high - low) * torch.rand(*shape, generator=self.g)
-
-    def log_uniform(self, low: float | Tensor, high: float | Tensor, *shape: int) -> Tensor:
-        low, high = torch.as_tensor(low).log(), torch.as_tensor(high).log()
-        return self.uniform(low, high, *shape).exp()
-
-    def chance(self, share: float, *shape: int) -> Tensor:
-        return torch.rand(*shape, generator=self.g) < share
-
-    def integer(self, low: int, high: int, *shape: int) -> Tensor:
-        """Of low..high, both included."""
-        return torch.randint(low, high + 1, shape, generator=self.g)
-
-    def rotations(self, *shape: int) -> Tensor:
-        """(*shape, 3, 3) rotations, all equally likely."""
-        q = F.normalize(torch.randn(*shape, 4, generator=self.g), dim=-1)
-        w, x, y, z = q.unbind(-1)
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-        return torch.stack([torch.stack(row, -1) for row in rows], -2)
 
 
 @dataclass(frozen=True)
@@ -106,7 +75,7 @@ def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scene
         number = torch.where(dice.chance(0.05, count), 0, number)
     kind = dice.uniform(0, 1, count, most)
     there = torch.arange(most) < number[:, None]
-    clutter = busy[:, None] & (torch.arange(3 * most) < dice.integer(most, 3 * most, count, 1))
+    clutter = busy[:, None] & (torch.arange(3 * most) < dice.integers(most, 3 * most, count, 1))
     cutouts = torch.cat([there & (kind < 0.5), clutter], 1)
     planes = _draw_planes(dice, options, place, cutouts, first_small=most)
     quadrics = _draw_quadrics(dice, options, place, there & (kind >= 0.5) & (kind < 0.8))
@@ -124,18 +93,21 @@ def _draw_place(dice: Dice, count: int, options: Options, depth_px: Tensor) -> P
     share = torch.where(dice.chance(0.4, count, 1), 1.0, dice.log_uniform(0.08, 1, count, 1))
     span = (most - least) * share
     low = least + (most - least - span) * dice.uniform(0, 1, count, 1)
-    # A plane is set by its disparity at the image's centre and what it gains towards the edges.
-    gains = 0.7 * span * dice.uniform(0, 1, count, BACKGROUNDS) ** 2
+    # A plane is set by its disparity at the image's centre and its gain from edge to edge: floors
+    # and walls cross most of a scene's range, few stand frontal.
     angle = dice.uniform(0, 2 * math.pi, count, BACKGROUNDS)
-    frontal = dice.chance(0.25, count, BACKGROUNDS)
-    gains = torch.where(frontal, 0.0, gains)
+    upright = dice.chance(0.5, count, BACKGROUNDS)
+    angle = torch.where(upright, (angle / (math.pi / 2)).round() * math.pi / 2, angle)
+    gains = 0.9 * span * dice.uniform(0, 1, count, BACKGROUNDS)
+    gains = torch.where(dice.chance(0.2, count, BACKGROUNDS), 0.0, gains)
+    gains = gains / (angle.cos().abs() + angle.sin().abs())
     b, c = gains * angle.cos() / width, gains * angle.sin() / height
     steepness = torch.hypot(b, c).clamp_min(1e-9)
     b, c = (t * (STEEPEST / steepness).clamp_max(1) for t in (b, c))
     reach = 0.5 * (b.abs() * width + c.abs() * height)
-    room = (0.75 * span - 2 * reach).clamp_min(0)
+    room = (0.95 * span - 2 * reach).clamp_min(0)
     a = low + reach + room * dice.uniform(0, 1, count, BACKGROUNDS) ** 2
-    number = dice.integer(1, BACKGROUNDS, count, 1)
+    number = dice.integers(1, BACKGROUNDS, count, 1)
     exists = torch.arange(BACKGROUNDS) < number
     return Place(low, low + span, depth_px, torch.stack([a, b, c], -1), exists)
 
@@ -167,12 +139,14 @@ def _draw_planes(
     tile = torch.zeros(count, number, dtype=torch.long)
     for (is_thin, is_repeating), kinds in SILHOUETTES.items():
         first = first_silhouette(is_thin, is_repeating)
-        drawn = dice.integer(first, first + kinds - 1, count, number)
+        drawn = dice.integers(first, first + kinds - 1, count, number)
         tile = torch.where((thin == is_thin) & (repeats == is_repeating), drawn, tile)
     # The side of the square that the silhouette's tile covers.
-    solid = dice.log_uniform(6, 1.5 * longest, count, number)
+    solid = dice.log_uniform(8, 1.5 * longest, count, number)
     slender = dice.log_uniform(48, max(256.0, 1.5 * longest), count, number)
-    side = torch.where(thin | repeats, slender, solid)
+    # Most holes of a pattern are as large as a pixel at least.
+    pattern = dice.log_uniform(160, 1200, count, number)
+    side = torch.where(repeats, pattern, torch.where(thin, slender, solid))
     small = dice.log_uniform(5, 48, count, number)
     is_small = (torch.arange(number) >= first_small) & ~(thin | repeats)
     side = torch.where(is_small, small, side)
@@ -207,10 +181,10 @@ def _draw_planes(
 def _slopes(
     dice: Dice, place: Place, room: Tensor, side: Tensor, endless: Tensor, longest: int
 ) -> Tensor:
-    """(B, O, 2) slopes b, c: a third frontal, the rest turned by up to 80 degrees."""
+    """(B, O, 2) slopes b, c: a quarter frontal, the rest turned by up to 80 degrees."""
     count, number = side.shape
     turn = dice.uniform(0, math.radians(80), count, number)
-    steepness = torch.where(dice.chance(0.35, count, number), 0.0, turn.tan() / place.depth_px)
+    steepness = torch.where(dice.chance(0.25, count, number), 0.0, turn.tan() / place.depth_px)
     extent = torch.where(endless, float(longest), side.clamp_max(longest))
     # Near the range's end there is little room to lean forward.
     extent = torch.where(endless, 2.0 * longest, extent)
@@ -335,7 +309,7 @@ def _draw_light(dice: Dice, count: int, depth_px: Tensor, focal_px: Tensor, shad
         ambient=dice.uniform(0.35, 0.9, count),
         depth_px=depth_px,
         focal_px=focal_px,
-        shade=dice.integer(0, shades - 1, count),
+        shade=dice.integers(0, shades - 1, count),
         shade_strength=strength,
         shade_texels=torch.cat([at_0, linear, per_d], -1),
     )
@@ -365,9 +339,9 @@ def _draw_materials(
     first, bodies = planes.exists.shape[1], quadrics.exists.shape[1]
     curved[:, first : first + bodies + reliefs.exists.shape[1]] = True
     flat = dice.chance(options.textureless, count, number)
-    tile = dice.integer(0, TEXTURES - 1, count, number)
-    tone = dice.integer(TEXTURES, TEXTURES + FLAT_TEXTURES - 1, count, number)
-    brightness = dice.log_uniform(0.9, 1.7, count, number, 1)
+    tile = dice.integers(0, TEXTURES - 1, count, number)
+    tone = dice.integers(TEXTURES, TEXTURES + FLAT_TEXTURES - 1, count, number)
+    brightness = dice.log_uniform(0.8, 1.5, count, number, 1)
     tint = brightness * dice.uniform(0.85, 1.1, count, number, 3)
     lit = diffuse(
         F.normalize(normal[..., 0], dim=-1), light.direction[:, None], light.ambient[:, None]
@@ -388,7 +362,7 @@ def _draw_materials(
         curved=curved,
         highlight=torch.stack([strength, exponent], -1),
         mirror=torch.stack(mirror, -1),
-        second=dice.integer(0, TEXTURES - 1, count, number),
+        second=dice.integers(0, TEXTURES - 1, count, number),
     )
 
 

@@ -13,7 +13,7 @@ import torch
 from torch import Generator, Tensor
 from torch.nn import functional as F
 
-from epinet.synth.draw import Dice
+from epinet.synth.dice import Dice
 from epinet.synth.options import Faults
 
 BLUR_PX = 0.9

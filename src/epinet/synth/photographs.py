@@ -13,7 +13,7 @@ from torch.nn import functional as F
 
 from epinet.errors import InputError
 from epinet.io.images import IMAGE_SUFFIXES, read_image
-from epinet.synth.tiles import Dice
+from epinet.synth.dice import Dice
 
 
 @dataclass(frozen=True)

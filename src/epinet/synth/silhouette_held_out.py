@@ -7,10 +7,11 @@ import math
 import torch
 from torch import Tensor
 
+from epinet.synth.dice import Dice
 from epinet.synth.silhouette_repeating import along_axis, scattered_sizes, slope_of
 from epinet.synth.silhouette_solid import radial, reach
 from epinet.synth.silhouette_thin import fitted, radius
-from epinet.synth.tiles import Dice, centred_grid, grid, periodic_noise, stamp, strokes, wrapped
+from epinet.synth.tiles import centred_grid, grid, periodic_noise, stamp, strokes, wrapped
 
 
 def _circle(dice: Dice) -> Tensor:
@@ -132,7 +133,7 @@ def zigzag_wires(dice: Dice, n: int, side: int) -> Tensor:
     steep = torch.hypot(rise, torch.ones_like(rise))
     pitch = side / (side / ((2 * r + gap) * steep)).floor().clamp_min(1)
     height = wrapped(u, side / folds).abs() * rise
-    crossing = torch.where(dice.chance(n, 0.5), -height, height)
+    crossing = torch.where(dice.each_chance(n, 0.5), -height, height)
     away = torch.minimum(wrapped(v - height, pitch).abs(), wrapped(v - crossing, pitch).abs())
     return r - away / steep
 

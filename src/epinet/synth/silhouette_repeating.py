@@ -7,15 +7,16 @@ import math
 import torch
 from torch import Tensor
 
+from epinet.synth.dice import Dice
 from epinet.synth.silhouette_thin import radius
 from epinet.synth.texture_scattered import leaf_distance
-from epinet.synth.tiles import Dice, grid, lookup, periodic_noise, stamp, strokes, walks, wrapped
+from epinet.synth.tiles import grid, lookup, periodic_noise, stamp, strokes, walks, wrapped
 
 
 def along_axis(dice: Dice, n: int, side: int) -> tuple[Tensor, Tensor]:
     """(n, side, side) x and y of each tile, swapped in half of them."""
     x, y = grid(dice, side)
-    swapped = dice.chance(n, 0.5)
+    swapped = dice.each_chance(n, 0.5)
     return torch.where(swapped, y, x), torch.where(swapped, x, y)
 
 
@@ -38,7 +39,7 @@ def fences(dice: Dice, n: int, side: int) -> Tensor:
     r = radius(dice, n)
     pitch = _pitch(dice, n, side, r, side / 4)
     index = (u / pitch).floor().long()
-    shift = lookup(dice.uniform(-1, 1, n, side), index) * dice.chance(n, 0.4)
+    shift = lookup(dice.uniform(-1, 1, n, side), index) * dice.each_chance(n, 0.4)
     room = (pitch / 2 - r - 1).clamp_min(0) * dice.each(n, 0, 1)
     bars = r - (torch.remainder(u, pitch) - pitch / 2 - shift * room).abs()
     rails = torch.full_like(bars, -1.0)
@@ -54,8 +55,8 @@ def grids(dice: Dice, n: int, side: int) -> Tensor:
     u, v = along_axis(dice, n, side)
     r = radius(dice, n)
     first = _pitch(dice, n, side, r, side / 4)
-    second = torch.where(dice.chance(n, 0.5), first, _pitch(dice, n, side, r, side / 2))
-    other = torch.where(dice.chance(n, 0.6), r, radius(dice, n))
+    second = torch.where(dice.each_chance(n, 0.5), first, _pitch(dice, n, side, r, side / 2))
+    other = torch.where(dice.each_chance(n, 0.6), r, radius(dice, n))
     other = torch.minimum(other, second / 4)
     return torch.maximum(r - wrapped(u, first).abs(), other - wrapped(v, second).abs())
 
@@ -68,7 +69,7 @@ def nets(dice: Dice, n: int, side: int) -> Tensor:
     down = (right * dice.each_log(n, 0.4, 1.5)).round().clamp_min(1)
     period = side / torch.hypot(right, down)
     warp = [periodic_noise(dice, n, side, 3.0, cycles=8) for _ in range(2)]
-    pulled = dice.each(n, 0, 0.5) * dice.chance(n, 0.6)
+    pulled = dice.each(n, 0, 0.5) * dice.each_chance(n, 0.6)
     threads = []
     for sign, bent in zip((1, -1), warp, strict=True):
         phase = (right * x + sign * down * y) / side + pulled * bent
@@ -101,10 +102,10 @@ def perforated(dice: Dice, n: int, side: int) -> Tensor:
     web = 2 * radius(dice, n)
     gap = torch.maximum(dice.each_log(n, 8, side / 6), 2 * web)
     pitch = side / (side / (web + gap) / 2).floor().clamp_min(1) / 2
-    shift = 0.5 * pitch * dice.chance(n, 0.5) * ((y / pitch).floor().long() % 2)
+    shift = 0.5 * pitch * dice.each_chance(n, 0.5) * ((y / pitch).floor().long() % 2)
     u, v = torch.remainder(x + shift, pitch) - pitch / 2, torch.remainder(y, pitch) - pitch / 2
     square = torch.maximum(u.abs(), v.abs())
-    hole = torch.where(dice.chance(n, 0.4), square, torch.hypot(u, v))
+    hole = torch.where(dice.each_chance(n, 0.4), square, torch.hypot(u, v))
     return hole - (pitch - web) / 2
 
 

@@ -10,8 +10,9 @@ import math
 import torch
 from torch import Tensor
 
+from epinet.synth.dice import Dice
 from epinet.synth.texture_scattered import leaf_distance
-from epinet.synth.tiles import Dice, centred_grid, periodic_noise, wrapped
+from epinet.synth.tiles import centred_grid, periodic_noise, wrapped
 
 MARGIN = 3
 """Texels between a shape and the border of its tile."""
@@ -81,7 +82,7 @@ def wobbling_radii(dice: Dice, n: int, side: int) -> Tensor:
 def ellipses(dice: Dice, n: int, side: int) -> Tensor:
     """Discs and ellipses."""
     u, v = centred_grid(dice, n, side)
-    aspect = torch.where(dice.chance(n, 0.4), 1.0, dice.each(n, 0.25, 1))
+    aspect = torch.where(dice.each_chance(n, 0.4), 1.0, dice.each(n, 0.25, 1))
     return (reach(side) - torch.hypot(u, v / aspect)) * aspect
 
 
@@ -90,7 +91,7 @@ def boxes(dice: Dice, n: int, side: int) -> Tensor:
     u, v = centred_grid(dice, n, side)
     angle = dice.each(n, 0.2, math.pi / 4)
     width, height = reach(side) * angle.cos(), reach(side) * angle.sin()
-    return box(u, v, width, height, dice.each(n, 0, 1) * dice.chance(n, 0.5) * height)
+    return box(u, v, width, height, dice.each(n, 0, 1) * dice.each_chance(n, 0.5) * height)
 
 
 def blocks(dice: Dice, n: int, side: int) -> Tensor:
@@ -144,11 +145,11 @@ def islands(dice: Dice, n: int, side: int) -> Tensor:
 def rings(dice: Dice, n: int, side: int) -> Tensor:
     """Broad rings, round or oval, whole or with a gap."""
     u, v = centred_grid(dice, n, side)
-    aspect = torch.where(dice.chance(n, 0.5), 1.0, dice.each(n, 0.5, 1))
+    aspect = torch.where(dice.each_chance(n, 0.5), 1.0, dice.each(n, 0.5, 1))
     r, half = torch.hypot(u, v / aspect), dice.each(n, 0.08, 0.25) * reach(side)
     ring = (half - (r - reach(side) + half).abs()) * aspect
     gap = (v.abs() - dice.each(n, 0.05, 0.5) * reach(side)) * (u > 0) + side * (u <= 0)
-    return torch.where(dice.chance(n, 0.4), torch.minimum(ring, gap), ring)
+    return torch.where(dice.each_chance(n, 0.4), torch.minimum(ring, gap), ring)
 
 
 def crescents(dice: Dice, n: int, side: int) -> Tensor:
@@ -168,7 +169,7 @@ def leaves(dice: Dice, n: int, side: int) -> Tensor:
     u = u - 0.12 * length
     blade, along, across = leaf_distance(u, v, zero + length, width, zero)
     teeth = torch.remainder(along / length * dice.each_log(n, 4, 25) + across.abs() / width, 1)
-    depth = dice.each_log(n, 0.03, 0.4) * width * dice.chance(n, 0.5)
+    depth = dice.each_log(n, 0.03, 0.4) * width * dice.each_chance(n, 0.5)
     stalk = box(along + length, across, zero + 0.2 * length, zero + 0.012 * side, 0.0)
     disc = reach(side) - torch.hypot(u + 0.12 * length, v)
     return torch.minimum(torch.maximum(blade - teeth * depth, stalk), disc)
@@ -195,13 +196,15 @@ def plates(dice: Dice, n: int, side: int) -> Tensor:
     half = reach(side) / math.sqrt(2)
     width, height = half, dice.each(n, 0.4, 1) * half
     plate = box(u, v, torch.full_like(height, width), height, dice.each(n, 0, 0.3) * height)
-    plate = torch.where(dice.chance(n, 0.4), reach(side) - torch.hypot(u, v), plate)
-    count = torch.where(dice.chance(n, 0.35), 1, dice.each_count(n, 2, 9))
+    plate = torch.where(dice.each_chance(n, 0.4), reach(side) - torch.hypot(u, v), plate)
+    count = torch.where(dice.each_chance(n, 0.35), 1, dice.each_count(n, 2, 9))
     pitch = 2 * half / count
     offset = torch.where(count % 2 == 1, 0.0, 0.5) * pitch
     du, dv = wrapped(u - offset, pitch), wrapped(v - offset, pitch)
     size = dice.each(n, 0.15, 0.38) * torch.minimum(pitch, 2 * height)
-    hole = torch.where(dice.chance(n, 0.5), torch.hypot(du, dv), torch.maximum(du.abs(), dv.abs()))
+    hole = torch.where(
+        dice.each_chance(n, 0.5), torch.hypot(du, dv), torch.maximum(du.abs(), dv.abs())
+    )
     rim = dice.each(n, 0.02, 0.12) * half
     hole = torch.where(plate > rim, hole - size, side)
     return torch.minimum(plate, hole)
@@ -214,7 +217,7 @@ def saws(dice: Dice, n: int, side: int) -> Tensor:
     t = torch.remainder(u / width * dice.each_log(n, 1.5, 20), 1)
     lean = dice.each(n, 0.05, 0.95)
     tooth = torch.minimum(t / lean, (1 - t) / (1 - lean))
-    tooth = torch.where(dice.chance(n, 0.3), (t < lean).float(), tooth)
+    tooth = torch.where(dice.each_chance(n, 0.3), (t < lean).float(), tooth)
     cut = dice.each(n, 0.2, 1.5) * height * tooth
-    both = torch.where(dice.chance(n, 0.4), v.abs(), v)
+    both = torch.where(dice.each_chance(n, 0.4), v.abs(), v)
     return torch.minimum(box(u, v, torch.full_like(height, width), height), height - cut - both)

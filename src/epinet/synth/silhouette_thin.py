@@ -7,8 +7,9 @@ import math
 import torch
 from torch import Tensor
 
+from epinet.synth.dice import Dice
 from epinet.synth.silhouette_solid import MARGIN, box, radial, reach, segment, wobbling_radii
-from epinet.synth.tiles import Dice, centred_grid, strokes, walks, wrapped
+from epinet.synth.tiles import centred_grid, strokes, walks, wrapped
 
 _THINNEST, _THICKEST = 0.55, 4.0
 
@@ -152,10 +153,10 @@ def lattices(dice: Dice, n: int, side: int) -> Tensor:
     room = reach(side) - 1
     width, height = room * angle.cos(), room * angle.sin()
     plate = box(u, v, width, height)
-    plate = torch.where(dice.chance(n, 0.3), room - torch.hypot(u, v), plate)
+    plate = torch.where(dice.each_chance(n, 0.3), room - torch.hypot(u, v), plate)
     # bars apart enough that holes remain
     pitch_u = 2 * r + dice.each_log(n, 10, side / 5)
-    pitch_v = torch.where(dice.chance(n, 0.5), pitch_u, 2 * r + dice.each_log(n, 10, side / 2))
+    pitch_v = torch.where(dice.each_chance(n, 0.5), pitch_u, 2 * r + dice.each_log(n, 10, side / 2))
     grid = torch.maximum(r - wrapped(u, pitch_u).abs(), r - wrapped(v, pitch_v).abs())
-    frame = torch.where(dice.chance(n, 0.5), r - (plate - r).abs(), -1.0)
+    frame = torch.where(dice.each_chance(n, 0.5), r - (plate - r).abs(), -1.0)
     return torch.minimum(torch.maximum(grid, frame), plate)

@@ -18,7 +18,8 @@ from epinet.synth import silhouette_held_out as unseen
 from epinet.synth import silhouette_repeating as repeated
 from epinet.synth import silhouette_solid as solid
 from epinet.synth import silhouette_thin as slender
-from epinet.synth.tiles import Dice, Family, draw_mixed, edge, periodic_noise
+from epinet.synth.dice import Dice
+from epinet.synth.tiles import Family, draw_mixed, edge, periodic_noise
 
 Kind = tuple[bool, bool]
 """(thin, repeating)"""
@@ -145,7 +146,7 @@ def draw_silhouettes(
 def _alpha(dice: Dice, distance: Tensor) -> Tensor:
     """(n, H, W) 0..1 of signed distances in texels; 0 wherever those are -1 or less."""
     n, side = distance.shape[:2]
-    alpha = torch.where(dice.chance(n, 0.6), (distance > 0).float(), edge(distance))
+    alpha = torch.where(dice.each_chance(n, 0.6), (distance > 0).float(), edge(distance))
     kind = torch.rand(n, generator=dice.g)
     soft, gauze = torch.nonzero(kind < 0.02)[:, 0], torch.nonzero(kind > 0.98)[:, 0]
     if len(soft):

@@ -7,7 +7,8 @@ import math
 import torch
 from torch import Tensor
 
-from epinet.synth.tiles import Dice, centred_grid, grid, lookup, periodic_noise
+from epinet.synth.dice import Dice
+from epinet.synth.tiles import centred_grid, grid, lookup, periodic_noise
 
 
 def noise(dice: Dice, n: int, side: int) -> Tensor:
@@ -49,7 +50,7 @@ def marble(dice: Dice, n: int, side: int) -> Tensor:
     bent = periodic_noise(dice, n, side, dice.each(n, 1.5, 2.3)) * dice.each(n, 0.2, 1.0)
     wave = torch.sin(2 * math.pi * ((across * x + down * y) / side + bent))
     veins = wave.abs() ** dice.each_log(n, 0.2, 1.5)
-    return torch.where(dice.chance(n, 0.6), veins, wave)
+    return torch.where(dice.each_chance(n, 0.6), veins, wave)
 
 
 def turbulence(dice: Dice, n: int, side: int) -> Tensor:
@@ -62,9 +63,9 @@ def turbulence(dice: Dice, n: int, side: int) -> Tensor:
 def wood(dice: Dice, n: int, side: int) -> Tensor:
     """Growth rings bent by drawn-out noise, fine grain along them; planks in a part of them."""
     x, y = grid(dice, side)
-    upright = dice.chance(n, 0.5)
+    upright = dice.each_chance(n, 0.5)
     along, across = torch.where(upright, y, x), torch.where(upright, x, y)
-    board = torch.where(dice.chance(n, 0.5), dice.each_count(n, 2, 8), 1)
+    board = torch.where(dice.each_chance(n, 0.5), dice.each_count(n, 2, 8), 1)
     index = (across * board / side).floor().long()
     shift = lookup(dice.uniform(0, 1, n, 8), index)
     bend = torch.zeros(n, side, side, device=dice.device)

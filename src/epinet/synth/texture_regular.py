@@ -7,7 +7,8 @@ import math
 import torch
 from torch import Tensor
 
-from epinet.synth.tiles import Dice, edge, grid, lookup, periodic_noise, wrapped
+from epinet.synth.dice import Dice
+from epinet.synth.tiles import edge, grid, lookup, periodic_noise, wrapped
 
 
 def _phase(dice: Dice, n: int, side: int, longest: float = 1.0) -> tuple[Tensor, Tensor]:
@@ -19,7 +20,7 @@ def _phase(dice: Dice, n: int, side: int, longest: float = 1.0) -> tuple[Tensor,
     x, y = grid(dice, side)
     count = side / dice.each_log(n, 2, max(2.5, side * longest))
     angle = dice.each(n, 0, 2 * math.pi)
-    angle = torch.where(dice.chance(n, 0.35), torch.round(angle / 1.5708) * 1.5708, angle)
+    angle = torch.where(dice.each_chance(n, 0.35), torch.round(angle / 1.5708) * 1.5708, angle)
     right, down = torch.round(count * angle.cos()), torch.round(count * angle.sin())
     right = torch.where((right == 0) & (down == 0), 1.0, right)
     period = side / torch.hypot(right, down)
@@ -41,7 +42,7 @@ def stripes(dice: Dice, n: int, side: int) -> Tensor:
     """Parallel stripes of every period, straight or bent a little."""
     phase, period = _phase(dice, n, side)
     bend = periodic_noise(dice, n, side, 2.5, cycles=6) * dice.each(n, 0, 0.6)
-    phase = torch.where(dice.chance(n, 0.25) & (period > 6), phase + bend, phase)
+    phase = torch.where(dice.each_chance(n, 0.25) & (period > 6), phase + bend, phase)
     return _profile(dice, n, phase, period)
 
 
@@ -109,15 +110,15 @@ def repeats(dice: Dice, n: int, side: int) -> Tensor:
 def bricks(dice: Dice, n: int, side: int) -> Tensor:
     """Bricks, tiles and planks between joints of mortar."""
     x, y = grid(dice, side)
-    upright = dice.chance(n, 0.3)
+    upright = dice.each_chance(n, 0.3)
     x, y = torch.where(upright, y, x), torch.where(upright, x, y)
     rows = 2 * dice.each_count(n, 1, side // 12)
     columns = (rows / dice.each_log(n, 0.8, 4)).round().clamp(1, side / 6).long()
     v = y * rows / side
     row = v.floor().long()
-    shift = torch.where(dice.chance(n, 0.6), 0.5, 0.0) * (row % 2)
+    shift = torch.where(dice.each_chance(n, 0.6), 0.5, 0.0) * (row % 2)
     random_shift = lookup(dice.uniform(0, 1, n, side), row)
-    u = x * columns / side + torch.where(dice.chance(n, 0.2), random_shift, shift)
+    u = x * columns / side + torch.where(dice.each_chance(n, 0.2), random_shift, shift)
     column = torch.remainder(u.floor().long(), columns)
     to_joint = torch.minimum(
         wrapped(u, 1.0).abs() * side / columns, wrapped(v, 1.0).abs() * side / rows
@@ -159,7 +160,7 @@ def cells(dice: Dice, n: int, side: int) -> Tensor:
     """Irregular cells: flat tones, dark joints (cobbles, cracked mud), or domed ones."""
     x, y = grid(dice, side)
     count = dice.each_count(n, 4, side // 4)
-    bend = dice.each(n, 0, 0.35) * dice.chance(n, 0.5)
+    bend = dice.each(n, 0, 0.35) * dice.each_chance(n, 0.5)
     u = x * count / side + bend * periodic_noise(dice, n, side, 1.8)
     v = y * count / side + bend * periodic_noise(dice, n, side, 1.8)
     first, second, tone = nearest_points(dice, n, u, v, count, dice.each(n, 0.4, 1.0))
@@ -178,7 +179,7 @@ def weave(dice: Dice, n: int, side: int) -> Tensor:
     over = dice.integers(1, 2, n, 1, 1)
     twill = torch.remainder(i + j, 4) < 2
     plain = torch.remainder(i // over + j // over, 2) == 0
-    warp_on_top = torch.where(dice.chance(n, 0.4), twill, plain)
+    warp_on_top = torch.where(dice.each_chance(n, 0.4), twill, plain)
     round_u = torch.cos(math.pi * wrapped(u - 0.5, 1.0))
     round_v = torch.cos(math.pi * wrapped(v - 0.5, 1.0))
     tone = dice.uniform(0, 1, n, 2, 4 * (side // 12 + 1))
@@ -224,7 +225,7 @@ def chevrons(dice: Dice, n: int, side: int) -> Tensor:
     phase = y * rows / side + zigzag * torch.round(dice.each_log(n, 1, 6))
     tones = lookup(dice.uniform(0, 1, n, side), torch.remainder(phase.floor().long(), rows))
     bars = _profile(dice, n, phase, side / rows / 2)
-    return torch.where(dice.chance(n, 0.4), tones, bars)
+    return torch.where(dice.each_chance(n, 0.4), tones, bars)
 
 
 def scales(dice: Dice, n: int, side: int) -> Tensor:

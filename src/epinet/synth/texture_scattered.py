@@ -7,7 +7,8 @@ import math
 import torch
 from torch import Tensor
 
-from epinet.synth.tiles import Dice, edge, grid, lookup, stamp, strokes, wrapped
+from epinet.synth.dice import Dice
+from epinet.synth.tiles import edge, grid, lookup, stamp, strokes, wrapped
 
 
 def dots(dice: Dice, n: int, side: int) -> Tensor:
@@ -15,13 +16,13 @@ def dots(dice: Dice, n: int, side: int) -> Tensor:
     x, y = grid(dice, side)
     count = dice.each_count(n, 3, side // 4)
     u, v = x * count / side, y * count / side
-    shift = 0.5 * (v.floor().long() % 2) * (dice.chance(n, 0.4) & (count % 2 == 0))
+    shift = 0.5 * (v.floor().long() % 2) * (dice.each_chance(n, 0.4) & (count % 2 == 0))
     u = u + shift
     size = int(count.max())
     spots = dice.uniform(0, 1, n, size, size, 4)
     spot = lookup(spots, v.floor().long() % count, u.floor().long() % count)
     radius = dice.each(n, 0.12, 0.45) * (1 - dice.each(n, 0, 0.7) * spot[..., 3])
-    jitter = torch.where(dice.chance(n, 0.4), 0.0, 1.0) * (0.5 - radius)
+    jitter = torch.where(dice.each_chance(n, 0.4), 0.0, 1.0) * (0.5 - radius)
     du = torch.remainder(u, 1) - 0.5 - jitter * (2 * spot[..., 0] - 1)
     dv = torch.remainder(v, 1) - 0.5 - jitter * (2 * spot[..., 1] - 1)
     covered = edge((radius - torch.hypot(du, dv)) * side / count)
@@ -126,7 +127,7 @@ def panels(dice: Dice, n: int, side: int) -> Tensor:
     """Flat rectangles on top of each other, in any direction or along the axes."""
     x, y = grid(dice, side)
     out = torch.zeros(n, side, side, device=dice.device)
-    turned = dice.chance(n, 0.4)
+    turned = dice.each_chance(n, 0.4)
     for _ in range(24):
         angle = torch.where(turned, dice.each(n, 0, math.pi), 0.0)
         dx = wrapped(x - dice.each(n, 0, side), side)

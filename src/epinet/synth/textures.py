@@ -18,8 +18,9 @@ from epinet.errors import InputError
 from epinet.synth import texture_noise as noisy
 from epinet.synth import texture_regular as regular
 from epinet.synth import texture_scattered as scattered
+from epinet.synth.dice import Dice
 from epinet.synth.photographs import Photographs
-from epinet.synth.tiles import Dice, Family, draw_mixed, edge, periodic_noise, standardised
+from epinet.synth.tiles import Family, draw_mixed, edge, periodic_noise, standardised
 
 __all__ = ["FAMILIES", "HELD_OUT", "Photographs", "draw_textures"]
 
@@ -169,7 +170,7 @@ def _made(
     second = _painted(dice, other[:, None] ** power, hue)
     colour = torch.lerp(first, second, mask[:, None])
     shade = periodic_noise(dice, n, side, 2.5, cycles=4)[:, None]
-    shade = shade * dice.uniform(0, 0.3, n, 1, 1, 1) * dice.chance(n, 0.4)[:, None]
+    shade = shade * dice.uniform(0, 0.3, n, 1, 1, 1) * dice.each_chance(n, 0.4)[:, None]
     colour = (colour * (1 + shade)).clamp(0, 1)
     flat = (level * _tint(dice, n, hue, 0.1)).clamp(0, 1)
     return torch.lerp(flat.expand_as(colour), colour, amount)

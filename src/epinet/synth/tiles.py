@@ -11,50 +11,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import torch
-from torch import Generator, Tensor
+from torch import Tensor
+
+from epinet.synth.dice import Dice
 
 _WINDOWS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)
 _ENTRIES_AT_ONCE = 1 << 22
-
-
-@dataclass(frozen=True)
-class Dice:
-    """Random numbers drawn on the CPU, so that every device gets the same, handed out on one."""
-
-    g: Generator
-    device: torch.device
-
-    def uniform(self, low: float, high: float, *shape: int) -> Tensor:
-        """Uniform numbers of a shape."""
-        return (low + (high - low) * torch.rand(*shape, generator=self.g)).to(self.device)
-
-    def log_uniform(self, low: float, high: float, *shape: int) -> Tensor:
-        """Numbers uniform in their logarithm."""
-        return torch.exp(self.uniform(math.log(low), math.log(high), *shape))
-
-    def normal(self, *shape: int) -> Tensor:
-        """Gaussian numbers of mean 0 and deviation 1."""
-        return torch.randn(*shape, generator=self.g).to(self.device)
-
-    def integers(self, low: int, high: int, *shape: int) -> Tensor:
-        """Integers from `low` to `high`, both included."""
-        return torch.randint(low, max(low, high) + 1, shape, generator=self.g).to(self.device)
-
-    def each(self, n: int, low: float, high: float) -> Tensor:
-        """(n, 1, 1) uniform numbers."""
-        return self.uniform(low, high, n, 1, 1)
-
-    def each_log(self, n: int, low: float, high: float) -> Tensor:
-        """(n, 1, 1) numbers uniform in their logarithm."""
-        return self.log_uniform(low, high, n, 1, 1)
-
-    def each_count(self, n: int, low: int, high: int) -> Tensor:
-        """(n, 1, 1) integers, small ones more often: uniform in their logarithm."""
-        return self.each_log(n, low, max(low, high) + 0.999).floor().long()
-
-    def chance(self, n: int, share: float) -> Tensor:
-        """(n, 1, 1) booleans that hold with a probability."""
-        return self.uniform(0, 1, n, 1, 1) < share
 
 
 Draw = Callable[[Dice, int, int], Tensor]
