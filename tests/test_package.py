@@ -10,7 +10,7 @@ import numpy as np
 import epinet
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import load_weights
-from epinet.synth.layers import VERSION
+from epinet.synth.generator import VERSION
 
 ROOT = Path(__file__).parent.parent
 

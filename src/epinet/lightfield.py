@@ -41,6 +41,8 @@ class LightField:
     """(H, W) disparity of the centre view in pixels per adjacent view; NaN where unknown."""
     masks: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     """(H, W) regions of the centre view by name, e.g. "invalid"."""
+    objects: NDArray[np.uint16] | None = None
+    """(H, W) number of the object that each pixel of the centre view shows."""
     source: Path | None = None
     """Where it was read from."""
     layout: str = "array"
@@ -58,7 +60,7 @@ class LightField:
             raise InputError(f"views must be uint8, uint16 or float32, got {v.dtype}")
         if self.present is None:
             object.__setattr__(self, "present", np.ones(v.shape[:2], dtype=bool))
-        for name, image in {"truth": self.truth, **self.masks}.items():
+        for name, image in {"truth": self.truth, "objects": self.objects, **self.masks}.items():
             if image is not None and image.shape != v.shape[2:4]:
                 raise InputError(
                     f"{name} is {image.shape[1]}x{image.shape[0]} px, "
@@ -159,7 +161,7 @@ class LightField:
         """Correct the order of the views: first the transposition, then the flips.
 
         The images stay as they are; only which view stands where changes. Flipping an even grid
-        makes another view the reference, which truth and masks do not belong to: they go.
+        makes another view the reference, which truth, masks and objects do not belong to: they go.
         """
         even_rows, even_cols = (side % 2 == 0 for side in self.grid)
         moved = (flip_rows and even_rows) or (flip_cols and even_cols)
@@ -176,7 +178,7 @@ class LightField:
         if made:
             notes += (f"order of the views corrected ({made}); they are counted in that order",)
         changed = replace(self, views=views, present=present, notes=notes)
-        return replace(changed, truth=None, masks={}) if moved else changed
+        return replace(changed, truth=None, masks={}, objects=None) if moved else changed
 
     def _grid_text(self) -> str:
         return f"{self.grid[0]}x{self.grid[1]}"

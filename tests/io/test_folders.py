@@ -151,6 +151,18 @@ def test_truth_of_other_views_is_ignored(scene: Path) -> None:
     assert read_light_field(scene).truth is None
 
 
+def test_objects_by_colour_and_of_another_size(scene: Path) -> None:
+    colours = np.zeros((24, 30, 3), np.uint8)
+    colours[:, 10:] = 200, 0, 7
+    write_png(scene / "objectids_lowres.png", colours)
+    objects = read_light_field(scene).objects
+    assert objects is not None
+    assert len({int(objects[0, 0]), int(objects[0, 10])}) == len(np.unique(objects)) == 2
+    write_png(scene / "objectids_lowres.png", colours[1:])
+    (found,) = problems(scene)
+    assert "objectids_lowres.png: the map of objects is 30x23 px" in found
+
+
 def test_a_mask_of_another_size(scene: Path) -> None:
     write_png(scene / "mask_fine_lowres.png", np.ones((24, 31), np.uint8))
     (found,) = problems(scene)

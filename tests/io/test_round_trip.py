@@ -96,7 +96,8 @@ def test_camera_truth_and_masks(tmp_path: Path, make: MakeLightField, camera: Ca
     truth = np.linspace(-1, 2, 24 * 30, dtype=np.float32).reshape(24, 30)
     truth[3, 4] = np.nan
     masks = {name: truth > i for i, name in enumerate(("invalid", "valid", "fine_surrounding"))}
-    lf = replace(make(), camera=camera, truth=truth, masks=masks)
+    objects = np.arange(truth.size, dtype=np.uint16).reshape(truth.shape)
+    lf = replace(make(), camera=camera, truth=truth, masks=masks, objects=objects)
     for layout in ("hci", "hci_hdf5", "array"):
         write_light_field(tmp_path / NAMES[layout], lf, layout)
 
@@ -105,6 +106,7 @@ def test_camera_truth_and_masks(tmp_path: Path, make: MakeLightField, camera: Ca
     np.testing.assert_array_equal(scene.truth, truth)
     assert scene.masks.keys() == masks.keys()
     assert all((scene.masks[name] == mask).all() for name, mask in masks.items())
+    np.testing.assert_array_equal(scene.objects, objects)
     depth = read_pfm(tmp_path / "scene" / "gt_depth_lowres.pfm")
     np.testing.assert_allclose(camera.disparity_px(depth), truth, atol=1e-5)
 

@@ -10,17 +10,26 @@ from epinet.lightfield import LightField
 from epinet.predict.confidence import photo_consistency
 from epinet.predict.estimator import enlarge, shrink
 from epinet.predict.tiling import even_tiles, pad_views, run_tiled, tile_side_px
-from epinet.synth.layers import draw_scenes
+from epinet.synth.generator import render_scene
+from epinet.synth.options import Faults, Options
 
 
 @pytest.fixture(scope="module")
 def scene() -> LightField:
     """A rendered 5x5 light field with truth, 40 x 53 px."""
-    scenes = draw_scenes(torch.Generator().manual_seed(11), 1, (40, 53), (-2, 2))
-    offsets = [(r - 2, c - 2) for r in range(5) for c in range(5)]
-    views, disparity = scenes.render(offsets)
-    array = views[0, :, 0].reshape(5, 5, 40, 53, 1).numpy()
-    return LightField(array, truth=disparity[0, 12].numpy())
+    options = Options(
+        size=(40, 53),
+        disparity_px=(-2, 2),
+        views=5,
+        contrast=(0.5, 1),
+        textureless=0,
+        reflective=0,
+        highlights=0,
+        faults=Faults.none(),
+    )
+    lf = render_scene(options, 11, 0)
+    gray = np.stack([[lf.gray(r, c) for c in range(5)] for r in range(5)])[..., None]
+    return LightField(gray, truth=lf.truth)
 
 
 def turned(lf: LightField, symmetry) -> LightField:
@@ -131,7 +140,7 @@ def test_confidence_prefers_the_truth(scene):
     assert right.shape == scene.size
     assert right.min() >= 0
     assert right.max() <= 1
-    assert np.median(right) > 0.95
+    assert np.median(right) > 0.9
     for wrong in (scene.truth + 0.5, -scene.truth):
         assert photo_consistency(scene, wrong).mean() < right.mean() - 0.05
 

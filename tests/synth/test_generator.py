@@ -147,6 +147,8 @@ def test_a_scene_is_a_light_field_with_camera_and_masks():
     }  # fmt: skip
     assert not (lf.masks["planes"] & lf.masks["smooth_surfaces"]).any()
     assert not (lf.masks["valid"] & lf.masks["invalid"]).any()
+    steps = np.abs(np.diff(lf.truth)) > 1
+    assert steps.any() and (np.diff(lf.objects.astype(int)) != 0)[steps].mean() > 0.9
     depth = lf.camera.depth_mm(lf.truth)
     assert np.isfinite(depth).all() and (depth > 0).all()
     nearest_px = np.unravel_index(lf.truth.argmax(), lf.truth.shape)

@@ -1,9 +1,10 @@
 """Layout `hci`: folders of the 4D Light Field Benchmark.
 
 `input_Cam000.png` onwards (index = columns * row + col from the top-left), and where they exist
-`parameters.cfg`, `gt_disp_lowres.pfm` and the masks `invalid_mask.png`, `valid_mask.png` and
-`mask_<name>_lowres.png`. `gt_depth_lowres.pfm` (depth in mm) is written where the camera is known
-and never read: it follows from the disparity and the camera.
+`parameters.cfg`, `gt_disp_lowres.pfm`, `objectids_lowres.png` (16 bit) and the masks
+`invalid_mask.png`, `valid_mask.png` and `mask_<name>_lowres.png`. `gt_depth_lowres.pfm` (depth in
+mm) is written where the camera is known and never read: it follows from the disparity and the
+camera.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from epinet.camera import Camera
 from epinet.errors import InputError
 from epinet.io.folder import read_grid, write_views
-from epinet.io.images import image_files, read_mask, write_png
+from epinet.io.images import image_files, read_image, read_mask, write_png
 from epinet.io.layout import Layout
 from epinet.io.parameters import Parameters, read_parameters, write_parameters
 from epinet.io.pfm import read_pfm, write_pfm
@@ -34,6 +35,7 @@ _VIEW = re.compile(r"input_cam(\d+)", re.IGNORECASE)
 _TRUTH = "gt_disp_lowres.pfm"
 _DEPTH = "gt_depth_lowres.pfm"
 _PARAMETERS = "parameters.cfg"
+_OBJECTS = "objectids_lowres.png"
 _BENCHMARK_SIDE = 9
 
 
@@ -59,16 +61,19 @@ def read(folder: Path) -> LightField:
     size = None if lf is None else lf.size
     with problems.gather():
         _check_camera(parameters.camera, size, folder)
-    truth, masks = None, {}
+    truth, objects, masks = None, None, {}
     if (folder / _TRUTH).exists():
         with problems.gather():
             truth = checked_truth(read_pfm(folder / _TRUTH), size, folder / _TRUTH)
+    if (folder / _OBJECTS).exists():
+        with problems.gather():
+            objects = _read_objects(folder / _OBJECTS, size)
     for name, path in _mask_files(folder).items():
         with problems.gather():
             masks[name] = _read_mask(path, size)
     if lf is None or problems:
         raise InputError(problems)
-    return replace(lf, camera=parameters.camera, truth=truth, masks=masks)
+    return replace(lf, camera=parameters.camera, truth=truth, masks=masks, objects=objects)
 
 
 def write(folder: Path, lf: LightField) -> None:
@@ -80,6 +85,8 @@ def write(folder: Path, lf: LightField) -> None:
         write_pfm(folder / _TRUTH, lf.truth)
         if lf.camera is not None:
             write_pfm(folder / _DEPTH, lf.camera.depth_mm(lf.truth))
+    if lf.objects is not None:
+        write_png(folder / _OBJECTS, lf.objects)
     for name, mask in lf.masks.items():
         write_png(folder / _mask_name(name), mask.astype(np.uint8) * np.uint8(255))
 
@@ -143,14 +150,27 @@ def _mask_name(name: str) -> str:
     return f"{name}_mask.png" if name in ("invalid", "valid") else f"mask_{name}_lowres.png"
 
 
+def _read_objects(path: Path, size: Size | None) -> NDArray[np.uint16]:
+    """Gray levels are the numbers; in a colour image every colour is another object."""
+    image = read_image(path)
+    _check_size("the map of objects", image.shape[:2], size, path)
+    if image.shape[2] == 1:
+        return image[..., 0].astype(np.uint16)
+    _, numbers = np.unique(image.reshape(-1, 3), axis=0, return_inverse=True)
+    return numbers.reshape(image.shape[:2]).astype(np.uint16)
+
+
 def _read_mask(path: Path, size: Size | None) -> NDArray[np.bool_]:
     mask = read_mask(path)
-    if size is not None and mask.shape != size:
-        raise InputError(
-            f"{path}: the mask is {mask.shape[1]}x{mask.shape[0]} px, "
-            f"the views are {size[1]}x{size[0]} px"
-        )
+    _check_size("the mask", mask.shape, size, path)
     return mask
+
+
+def _check_size(what: str, shape: tuple[int, ...], size: Size | None, path: Path) -> None:
+    if size is not None and shape != size:
+        raise InputError(
+            f"{path}: {what} is {shape[1]}x{shape[0]} px, the views are {size[1]}x{size[0]} px"
+        )
 
 
 LAYOUT = Layout(

@@ -11,7 +11,10 @@ from epinet.io import read_light_field, write_light_field
 from epinet.io.atomic import atomic_folder
 from epinet.predict.estimator import load_model
 from epinet.predict.result import check_replaceable
-from epinet.synth.demo import render_demo
+from epinet.synth.generator import render_scene
+from epinet.synth.options import Options
+
+SCENE = Options(size=(320, 448), disparity_px=(-2.5, 2.5), surfaces=(16, 32), clutter=0.0)
 
 
 def run_demo(
@@ -27,7 +30,7 @@ def run_demo(
     """
     check_replaceable(output, frozenset({"scene", "result"}))
     with atomic_folder(output) as folder:
-        write_light_field(folder / "scene", render_demo(seed), "hci")
+        write_light_field(folder / "scene", render_scene(SCENE, seed, 0), "hci")
         lf = replace(read_light_field(folder / "scene"), source=output / "scene")
         result = load_model().predict(lf, progress=progress)
         result.save(folder / "result")

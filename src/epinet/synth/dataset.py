@@ -38,7 +38,7 @@ _KIND = "rendered light fields"
 _BESIDES_SCENES = frozenset({RECORD, *SHEETS, *STATISTICS})
 _SCENE_FILE = re.compile(
     r"input_Cam\d{3,}\.png|parameters\.cfg|gt_(disp|depth)_lowres\.pfm"
-    r"|(in)?valid_mask\.png|mask_\w+_lowres\.png"
+    r"|(in)?valid_mask\.png|mask_\w+_lowres\.png|objectids_lowres\.png"
 )
 _PNG_SHARE = 0.7
 """Bytes of a view as PNG per byte of its pixels; noise hardly compresses."""

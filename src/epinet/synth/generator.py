@@ -157,7 +157,7 @@ def render_scene(
 
     Returns:
         uint8 RGB views, truth, camera, and the masks valid, invalid (mirrors and glass),
-        discontinuities, planes, smooth_surfaces and occluded (in any of the views).
+        discontinuities, planes, smooth_surfaces and occluded (in any of the views), objects.
 
     Raises:
         InputError: no readable image in `textures`.
@@ -180,6 +180,7 @@ def render_scene(
         camera=_camera(scenes, disparity),
         truth=disparity[0, 0].cpu().numpy(),
         masks=_masks(scenes, offsets, disparity, surface),
+        objects=_objects(scenes, surface),
         layout="rendered",
     )
 
@@ -218,6 +219,13 @@ def _masks(
         "occluded": hidden,
     }
     return {name: mask[0, 0].cpu().numpy() for name, mask in masks.items()}
+
+
+def _objects(scenes: Scenes, surface: Tensor) -> NDArray[np.uint16]:
+    """Surfaces by number, the six sides of a box as one."""
+    ids = surface[0, 0].cpu().numpy().astype(np.uint16)
+    box = scenes.first_ids[3]
+    return np.where(ids < box, ids, box + (ids - box) // 6).astype(np.uint16)
 
 
 def mirrors(scenes: Scenes, surface: Tensor) -> Tensor:

@@ -22,7 +22,7 @@ VALIDATION_SEED = 2_018_000_003
 
 def validation_parts() -> Mapping[str, tuple[Options, ...]]:
     """The options of each scene of each part, 16 scenes in all."""
-    few, many = (2, 8), (12, 24)
+    few, many = (6, 12), (16, 32)
     textured = {"contrast": (0.5, 1.0), "textureless": 0.0, "thin": 0.1, "reflective": 0.0}
     flat = {"contrast": (0.0, 0.2), "textureless": 0.5, "reflective": 0.0}
     mirrors = {"contrast": (0.3, 1.0), "reflective": 0.5, "highlights": 0.5}
