@@ -169,7 +169,7 @@ def train(
     seed: Annotated[int, typer.Option(min=1, help="Seed of weights and scenes.")] = 1,
     start: Annotated[Path | None, typer.Option(help="Weights to start from.")] = None,
 ) -> None:
-    """Train a network on rendered layers; continues a run that was interrupted."""
+    """Train a network on rendered scenes; continues a run that was interrupted."""
     from epinet.model.checkpoint import load_weights
     from epinet.train.loop import Recipe, Run
 

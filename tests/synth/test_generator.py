@@ -1,5 +1,6 @@
 """Rendered scenes obey the geometry: the truth explains every view."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,9 @@ from torch.nn import functional as F
 from epinet.synth import faults as camera_faults
 from epinet.synth.bank import draw_bank
 from epinet.synth.cast import nearest, pixel_rays
+from epinet.synth.draw import draw_scenes
 from epinet.synth.generator import (
+    bank,
     discontinuities,
     draw_scene,
     generator,
@@ -158,11 +161,38 @@ def test_a_scene_is_a_light_field_with_camera_and_masks():
 @pytest.mark.parametrize("bounds", [(-1.0, 1.0), (-4.0, 4.0), (-25.0, 5.0), (2.0, 3.0)])
 def test_disparities_keep_to_the_range(bounds):
     options = Options(size=(64, 64), disparity_px=bounds)
-    d = torch.cat([truth(draw_scene(options, 2, k)[0])[0].flatten() for k in range(12)])
+    d = torch.cat([truth(draw_scene(options, 2, k)[0])[0].flatten() for k in range(24)])
     length = bounds[1] - bounds[0]
-    inside = (d > bounds[0] - 0.05 * length) & (d < bounds[1] + 0.05 * length)
-    assert inside.float().mean() > 0.98
-    assert d.max() - d.min() > 0.6 * length
+    assert bounds[0] - 0.03 * length < d.min() and d.max() < bounds[1] + 0.03 * length
+    assert d.max() - d.min() > 0.9 * length
+
+
+def test_what_no_first_ray_sees_still_ends_the_others():
+    """A box hides the background from all pixel centres, but not from all of the last column."""
+    scenes, _ = draw_scene(MATTE, 5, 1)
+    boxes, width = scenes.boxes, MATTE.size[1]
+    half = torch.tensor([(width - 1) / 2 + 0.05, 100, 0.1])
+    exists = torch.zeros_like(boxes.exists)
+    exists[0, 0] = True
+    boxes.centre[0, 0] = torch.tensor([0, 0, 3.9])
+    boxes.matrix[0, 0] = torch.diag(1 / half)
+    boxes.bounds[0, 0] = torch.tensor([-half[0], half[0], -half[1], half[1], 4.0])
+    groups = {
+        name: replace(getattr(scenes, name), exists=getattr(scenes, name).exists & False)
+        for name in ("quadrics", "reliefs")
+    }
+    planes = replace(scenes.planes, exists=scenes.planes.exists & ~scenes.planes.cut)
+    scenes = replace(scenes, **groups, planes=planes, boxes=replace(boxes, exists=exists))
+    assert (truth(scenes)[1] >= scenes.first_ids[3]).all()
+    assert render(scenes, [(0, 0)], Lens(samples=4)).isfinite().all()
+
+
+def test_rays_of_all_views_meet_a_relief_once():
+    scenes = draw_scenes(generator(4), 64, Options(size=(86, 86)), bank(Options(), 1, 0))
+    base, waves = scenes.reliefs.coefficients, scenes.reliefs.waves
+    steepest = base[..., 1:].norm(dim=-1)
+    steepest = steepest + (waves[..., 0] * waves[..., 1:3].norm(dim=-1)).sum(-1)
+    assert steepest.max() * math.hypot(4.5, 4.5) < 1
 
 
 def test_pools_are_reproducible_and_gray_is_luma():

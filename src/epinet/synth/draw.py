@@ -33,7 +33,8 @@ BACKGROUNDS = 3
 STEEPEST = 0.15
 """Largest |slope| of a plane in px per px: its front is seen from views up to 6 steps away."""
 
-STEEPEST_RELIEF = 0.1
+STEEPEST_RELIEF = 0.15
+"""The same for the sum of all slopes of a relief and its plane."""
 
 WAVES = 5
 
@@ -185,10 +186,10 @@ def _slopes(
     count, number = side.shape
     turn = dice.uniform(0, math.radians(80), count, number)
     steepness = torch.where(dice.chance(0.25, count, number), 0.0, turn.tan() / place.depth_px)
-    extent = torch.where(endless, float(longest), side.clamp_max(longest))
-    # Near the range's end there is little room to lean forward.
-    extent = torch.where(endless, 2.0 * longest, extent)
-    most = torch.minimum(torch.tensor(STEEPEST), (room + 0.02) / (0.7 * extent))
+    # Near the range's end there is little room to lean forward: 0.86 sides is half the diagonal of
+    # the most stretched tile, 1.5 pictures the way to the farthest corner.
+    extent = torch.where(endless, math.inf, 0.86 * side).clamp_max(1.5 * longest)
+    most = ((room + 0.02) / extent).clamp_max(STEEPEST)
     steepness = torch.minimum(steepness, most)
     angle = dice.uniform(0, 2 * math.pi, count, number)
     return steepness[..., None] * torch.stack([angle.cos(), angle.sin()], -1)
@@ -272,9 +273,10 @@ def _draw_reliefs(dice: Dice, options: Options, place: Place) -> Reliefs:
     count = len(place.low)
     exists = dice.chance(0.25, count, 1)
     wavelength = dice.log_uniform(12, 1.5 * max(options.size), count, 1, WAVES)
-    steepest = torch.minimum(
-        dice.log_uniform(0.3, 6, count, 1) / place.depth_px, torch.tensor(STEEPEST_RELIEF)
-    )
+    base = place.background[:, :1]
+    steepest = dice.log_uniform(0.3, 6, count, 1) / place.depth_px
+    # Plane and waves together, so that rays of every view meet the relief once.
+    steepest = torch.minimum(steepest, STEEPEST_RELIEF - base[..., 1:].norm(dim=-1)).clamp_min(0)
     share = dice.uniform(0.1, 1, count, 1, WAVES)
     share = share / share.sum(-1, keepdim=True)
     frequency = 2 * math.pi / wavelength
@@ -285,7 +287,7 @@ def _draw_reliefs(dice: Dice, options: Options, place: Place) -> Reliefs:
     angle = dice.uniform(0, 2 * math.pi, count, 1, WAVES)
     phase = dice.uniform(0, 2 * math.pi, count, 1, WAVES)
     waves = torch.stack([amplitude, frequency * angle.cos(), frequency * angle.sin(), phase], -1)
-    coefficients = place.background[:, :1].clone()
+    coefficients = base.clone()
     coefficients[..., 0] -= amplitude.sum(-1) * dice.uniform(0, 1, count, 1)
     endless = torch.tensor([-math.inf, math.inf, -math.inf, math.inf, 0.0])
     return Reliefs(exists, endless.expand(count, 1, 5), coefficients, waves)

@@ -78,8 +78,9 @@ def _render(
         )
         opaque = int(255 * ((s * 0.6180339887 + 0.5) % 1.0))
         d, surface = nearest(scenes, rays, opaque, seen)
-        if s == 0:  # what no pixel's centre sees in any view is left out from here on
-            seen = set(surface.view(-1).long().bincount().nonzero()[:, 0].tolist())
+        if s == 0:  # what the first rays see in no view is left out, but for what has no end
+            endless = (~scenes.planes.cut).any(0).nonzero()[:, 0].tolist()
+            seen = {*surface.view(-1).long().bincount().nonzero()[:, 0].tolist(), *endless}
         colour = shade(scenes, rays, d, surface)
         total = colour if total is None else total.add_(colour)
     assert total is not None
