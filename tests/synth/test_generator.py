@@ -216,6 +216,19 @@ def test_strengths_of_zero_leave_the_views_alone():
     assert not camera_faults.draw_lens_radius(g, 4, Faults.none()).any()
 
 
+def test_full_strength_reaches_every_scene_and_seldom_else():
+    """Noise of .03 on white; the read noise adds up to a quarter to it."""
+    gray = torch.ones(16, 1, 1, 40, 40) * 0.5
+    spread = {}
+    for full in (True, False):
+        faults = replace(Faults.none(), noise=1.0, full=full)
+        photos = camera_faults.photographed(generator(8), gray, faults)
+        spread[full] = photos.flatten(1).std(1)
+    expected = camera_faults.NOISE * math.sqrt(0.5)
+    assert (spread[True] > 0.9 * expected).all() and (spread[True] < 1.5 * expected).all()
+    assert (spread[False] < 0.3 * expected).float().mean() > 0.5
+
+
 def test_noise_is_normal_and_the_same_everywhere():
     noise = camera_faults.hashed_normal(torch.Size((200, 1000)), 5, "cpu")
     assert abs(noise.mean()) < 0.01 and abs(noise.std() - 1) < 0.01

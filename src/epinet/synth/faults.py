@@ -29,22 +29,27 @@ NOISE = 0.03
 """Largest standard deviation of noise on white, at strength 1."""
 
 
+def _share(g: Generator, faults: Faults, power: float, *shape: int) -> Tensor:
+    """How much of a strength a scene gets: 0..1, seldom much."""
+    drawn = Dice(g).uniform(0, 1, *shape) ** power
+    return torch.ones_like(drawn) if faults.full else drawn
+
+
 def draw_lens_radius(g: Generator, count: int, faults: Faults) -> Tensor:
     """(B,) radius of the lens of each view, in distances between views: defocus blur."""
-    return LENS_RADIUS * faults.defocus * Dice(g).uniform(0, 1, count) ** 2
+    return LENS_RADIUS * faults.defocus * _share(g, faults, 2, count)
 
 
 def draw_misalignment(g: Generator, count: int, views: int, faults: Faults) -> Tensor:
     """(B, P, 2) px by which each view is off, 0 in most scenes; the largest is 2 px."""
-    dice = Dice(g)
-    much = dice.uniform(0, 1, count, 1, 1) ** 6
+    much = _share(g, faults, 6, count, 1, 1)
     off = MISALIGNED_PX * faults.misalignment * much * torch.randn(count, views, 2, generator=g)
     return off.clamp(-2, 2)
 
 
 def blurred(g: Generator, views: Tensor, faults: Faults) -> Tensor:
     """(B, P, C, H, W) blurred by a Gaussian, one for each scene."""
-    sigmas = BLUR_PX * faults.blur * Dice(g).uniform(0, 1, len(views)) ** 1.5
+    sigmas = BLUR_PX * faults.blur * _share(g, faults, 1.5, len(views))
     if faults.blur == 0:
         return views
     return torch.stack([_blur(v, s) for v, s in zip(views, sigmas.tolist(), strict=True)])
@@ -78,14 +83,14 @@ def photographed(
     device = views.device
     dice = Dice(g)
     one = (b, 1, 1, 1, 1)
-    uneven = 0.04 * faults.exposure * dice.uniform(0, 1, *one) ** 4
+    uneven = 0.04 * faults.exposure * _share(g, faults, 4, *one)
     gain = torch.exp(faults.exposure * dice.uniform(-0.4, 0.4, *one))
     gain = gain * (1 + uneven * torch.randn(b, p, 1, 1, 1, generator=g))
     gain = gain * (1 + 0.5 * uneven * torch.randn(b, p, c, 1, 1, generator=g))
     gamma = torch.exp(faults.gamma * dice.uniform(-0.22, 0.22, *one))
-    darker = faults.vignetting * 0.3 * dice.uniform(0, 1, *one) ** 3
+    darker = faults.vignetting * 0.3 * _share(g, faults, 3, *one)
     sway = faults.vignetting * dice.uniform(-0.3, 0.3, b, p, 1, 1, 1)
-    noise = NOISE * faults.noise * dice.uniform(0, 1, *one) ** 5
+    noise = NOISE * faults.noise * _share(g, faults, 5, *one)
     read = dice.uniform(0.1, 0.7, *one)
     key = int(torch.randint(2**31, (), generator=g))
     if frame is None:

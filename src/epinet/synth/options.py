@@ -32,12 +32,22 @@ class Faults:
     misalignment: float = 1.0
     quantise: bool = True
     """Round to 8 bits."""
+    full: bool = False
+    """Every scene gets the whole strength; else it bounds what is drawn, which is mostly less."""
 
     @classmethod
     def none(cls) -> Faults:
         """A perfect camera."""
-        strengths = {f.name: 0.0 for f in fields(cls) if f.name != "quantise"}
-        return cls(quantise=False, **strengths)
+        return cls(
+            blur=0,
+            defocus=0,
+            noise=0,
+            vignetting=0,
+            exposure=0,
+            gamma=0,
+            misalignment=0,
+            quantise=False,
+        )
 
 
 @dataclass(frozen=True)

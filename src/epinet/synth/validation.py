@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +26,14 @@ def validation_parts() -> Mapping[str, tuple[Options, ...]]:
     textured = {"contrast": (0.5, 1.0), "textureless": 0.0, "thin": 0.1, "reflective": 0.0}
     flat = {"contrast": (0.0, 0.2), "textureless": 0.5, "reflective": 0.0}
     mirrors = {"contrast": (0.3, 1.0), "reflective": 0.5, "highlights": 0.5}
+    noise = replace(Faults.none(), noise=1.0, quantise=True, full=True)
     wires = {"contrast": (0.3, 1.0), "thin": 0.9, "reflective": 0.0}
     return {
         "textured": _part(few, few, many, many, **textured),
         "textureless": _part(few, many, **flat),
         "reflective": _part(few, many, **mirrors),
         "thin": _part(few, many, **wires),
-        "noisy": _part(few, many, faults=Faults(noise=4.0)),
+        "noisy": _part(few, many, faults=noise),
         "narrow": _part(few, many, disparity_px=RANGES_PX["narrow"]),
         "wide": _part(few, many, disparity_px=RANGES_PX["wide"]),
     }
