@@ -25,7 +25,12 @@ from epinet.synth.options import RANGES_PX, Faults, Options
 from epinet.synth.render import Lens, render, truth, visible
 
 MATTE = Options(
-    size=(64, 72), highlights=0.0, reflective=0.0, contrast=(0.3, 1.0), faults=Faults.none()
+    size=(64, 72),
+    highlights=0.0,
+    reflective=0.0,
+    contrast=(0.3, 1.0),
+    surfaces=(60, 90),
+    faults=Faults.none(),
 )
 STAR = star_offsets(9)
 
@@ -143,7 +148,7 @@ def test_a_scene_depends_on_seed_and_number_alone():
 
 
 def test_a_scene_is_a_light_field_with_camera_and_masks():
-    lf = render_scene(Options(size=(40, 48), samples=1), 1, 0)
+    lf = render_scene(Options(size=(40, 48), samples=1, surfaces=(60, 90)), 1, 0)
     assert lf.grid == (9, 9) and lf.size == (40, 48) and lf.present.all()
     assert set(lf.masks) == {
         "valid", "invalid", "discontinuities", "planes", "smooth_surfaces", "occluded"

@@ -13,9 +13,9 @@ from epinet.synth.options import Options
 from epinet.synth.scenes import Scenes
 from epinet.synth.surfaces import Rays
 
-OPTIONS = Options(size=(64, 80), disparity_px=(-3, 3), surfaces=(32, 32))
+OPTIONS = Options(size=(64, 80), disparity_px=(-3, 3), surfaces=(90, 90))
 SPAN = np.linspace(12, -12, 24001)
-RAYS = 24
+RAYS = 32
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,7 @@ def test_hits_are_where_the_definition_says(name: str, scenes: Scenes) -> None:
     group = getattr(scenes, name)
     rng = np.random.default_rng(3)
     errors, missed = [], 0
-    for k in range(min(6, group.exists.shape[1])):
+    for k in range(min(30, group.exists.shape[1])):
         for b in range(scenes.count):
             if not group.exists[b, k] or (name == "planes" and group.cut[b, k]):
                 continue

@@ -38,6 +38,10 @@ STEEPEST_RELIEF = 0.15
 
 WAVES = 5
 
+WORLD_PX = 512
+"""Smaller views are windows into a picture of this width and height, in which things have the
+sizes, slants and distances from each other that they have in larger views."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -48,6 +52,10 @@ class Place:
     high: Tensor
     depth_px: Tensor
     """(B, 1)"""
+    world: tuple[int, int]
+    """(height, width) in px of the picture that the views show, or show a part of."""
+    size: tuple[int, int]
+    """(height, width) of the views in px."""
     background: Tensor
     """(B, BACKGROUNDS, 3) planes without an end."""
     backgrounds: Tensor
@@ -63,11 +71,12 @@ class Place:
 def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scenes:
     """Draw `count` scenes; the same generator state and options give the same scenes."""
     dice = Dice(g)
-    focal_px = dice.log_uniform(700, 2500, count) * max(1.0, max(options.size) / 512)
+    longest = max(*options.size, WORLD_PX)
+    focal_px = dice.log_uniform(700, 2500, count) * (longest / WORLD_PX)
     low, high = options.disparity_px
     # The farthest disparity stays before infinity, which lies at -focal_px / depth_px.
     depth_px = focal_px / (max(0.0, -low) + 0.5) * dice.log_uniform(0.1, 0.95, count)
-    depth_px = depth_px.clamp_max(40 * max(options.size) / (high - low))
+    depth_px = depth_px.clamp_max(40 * longest / (high - low))
     place = _draw_place(dice, count, options, depth_px[:, None])
     busy = dice.chance(options.clutter, count)
     fewest, most = (max(1, n) for n in options.surfaces)
@@ -79,9 +88,9 @@ def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scene
     clutter = busy[:, None] & (torch.arange(3 * most) < dice.integers(most, 3 * most, count, 1))
     cutouts = torch.cat([there & (kind < 0.5), clutter], 1)
     planes = _draw_planes(dice, options, place, cutouts, first_small=most)
-    quadrics = _draw_quadrics(dice, options, place, there & (kind >= 0.5) & (kind < 0.8))
-    boxes = _draw_boxes(dice, options, place, there & (kind >= 0.8))
-    reliefs = _draw_reliefs(dice, options, place)
+    quadrics = _draw_quadrics(dice, place, there & (kind >= 0.5) & (kind < 0.8))
+    boxes = _draw_boxes(dice, place, there & (kind >= 0.8))
+    reliefs = _draw_reliefs(dice, place)
     light = _draw_light(dice, count, depth_px, focal_px, len(bank.shades))
     materials = _draw_materials(dice, options, light, planes, quadrics, reliefs, boxes)
     scenes = Scenes(options.size, planes, quadrics, boxes, reliefs, materials, light, bank)
@@ -90,7 +99,7 @@ def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scene
 
 def _draw_place(dice: Dice, count: int, options: Options, depth_px: Tensor) -> Place:
     least, most = options.disparity_px
-    height, width = options.size
+    height, width = world = max(options.size[0], WORLD_PX), max(options.size[1], WORLD_PX)
     share = torch.where(dice.chance(0.4, count, 1), 1.0, dice.log_uniform(0.08, 1, count, 1))
     span = (most - least) * share
     low = least + (most - least - span) * dice.uniform(0, 1, count, 1)
@@ -108,33 +117,43 @@ def _draw_place(dice: Dice, count: int, options: Options, depth_px: Tensor) -> P
     reach = 0.5 * (b.abs() * width + c.abs() * height)
     room = (0.95 * span - 2 * reach).clamp_min(0)
     a = low + reach + room * dice.uniform(0, 1, count, BACKGROUNDS) ** 2
+    # The window is anywhere in the world, for all planes the same.
+    for slope, whole, part in ((b, width, options.size[1]), (c, height, options.size[0])):
+        a = a + slope * (whole - part) * dice.uniform(-0.5, 0.5, count, 1)
     number = dice.integers(1, BACKGROUNDS, count, 1)
     exists = torch.arange(BACKGROUNDS) < number
-    return Place(low, low + span, depth_px, torch.stack([a, b, c], -1), exists)
+    planes = torch.stack([a, b, c], -1)
+    return Place(low, low + span, depth_px, world, options.size, planes, exists)
 
 
-def _positions(
-    dice: Dice, options: Options, place: Place, number: int
-) -> tuple[Tensor, Tensor, Tensor]:
-    """X, Y, d, each (B, O): somewhere in the picture, before the background."""
-    count = len(place.low)
-    height, width = options.size
-    x = dice.uniform(-0.55, 0.55, count, number) * width
-    y = dice.uniform(-0.55, 0.55, count, number) * height
+def _positions(dice: Dice, place: Place, reach: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """X, Y, d and whether it is there, each (B, O): somewhere before the background.
+
+    Args:
+        reach: (B, O) px that the surface extends to each side of its middle; things that are
+            anywhere in the world are there if they can show in the window.
+    """
+    count, number = reach.shape
+    middle, share = [], torch.ones(count, number)
+    for part, whole in zip(place.size[::-1], place.world[::-1], strict=True):
+        spread = 1.1 * part + (1 - part / whole) * 2 * reach
+        middle.append(spread * dice.uniform(-0.5, 0.5, count, number))
+        share = share * spread / (1.1 * whole)
+    x, y = middle
+    there = dice.uniform(0, 1, count, number) < share
     behind = place.behind(x, y)
     span = (place.high - place.low).expand(count, number)
     small = dice.log_uniform(0.01, 1, count, number) * span
     anywhere = dice.uniform(0, 1, count, number) * (place.high - behind).clamp_min(0)
     step = torch.where(dice.chance(0.5, count, number), small, anywhere)
-    return x, y, torch.minimum(behind + step, place.high)
+    return x, y, torch.minimum(behind + step, place.high), there
 
 
 def _draw_planes(
     dice: Dice, options: Options, place: Place, exists: Tensor, first_small: int
 ) -> Planes:
     count, number = exists.shape
-    longest = max(options.size)
-    x, y, d = _positions(dice, options, place, number)
+    longest = max(place.world)
     thin = dice.chance(options.thin, count, number)
     repeats = dice.chance(0.1, count, number)
     tile = torch.zeros(count, number, dtype=torch.long)
@@ -152,6 +171,8 @@ def _draw_planes(
     is_small = (torch.arange(number) >= first_small) & ~(thin | repeats)
     side = torch.where(is_small, small, side)
     stretch = dice.log_uniform(0.6, 1.6, count, number)
+    x, y, d, there = _positions(dice, place, torch.where(repeats, longest, 0.5 * side))
+    exists = exists & there
     angle = dice.uniform(0, 2 * math.pi, count, number)
     upright = dice.chance(0.4, count, number)  # many things in the world are
     angle = torch.where(upright, (angle / (math.pi / 2)).round() * math.pi / 2, angle)
@@ -205,9 +226,9 @@ QUADRICS = {
 """(e0, e1, e2) and how often: ellipsoids, cylinders, cones, waisted vases, bowls."""
 
 
-def _draw_quadrics(dice: Dice, options: Options, place: Place, exists: Tensor) -> Quadrics:
+def _draw_quadrics(dice: Dice, place: Place, exists: Tensor) -> Quadrics:
     count, number = exists.shape
-    longest = max(options.size)
+    longest = max(place.world)
     shapes = torch.tensor(list(QUADRICS))
     weights = torch.tensor(list(QUADRICS.values()))
     chosen = torch.multinomial(weights, count * number, replacement=True, generator=dice.g)
@@ -222,27 +243,25 @@ def _draw_quadrics(dice: Dice, options: Options, place: Place, exists: Tensor) -
     flatness = torch.where(round_, 1.0, flatness)
     length = torch.where(round_, radius, length)
     radii = torch.stack([radius, radius * flatness, length], -1)
-    centre, matrix, bounds = _solids(dice, options, place, radii)
-    return Quadrics(exists, bounds, centre, matrix, shapes[chosen])
+    centre, matrix, bounds, there = _solids(dice, place, radii)
+    return Quadrics(exists & there, bounds, centre, matrix, shapes[chosen])
 
 
-def _draw_boxes(dice: Dice, options: Options, place: Place, exists: Tensor) -> Boxes:
+def _draw_boxes(dice: Dice, place: Place, exists: Tensor) -> Boxes:
     count, number = exists.shape
-    radius = dice.log_uniform(3, 0.3 * max(options.size), count, number, 1)
+    radius = dice.log_uniform(3, 0.3 * max(place.world), count, number, 1)
     radii = radius * dice.log_uniform(0.3, 1, count, number, 3)
-    centre, matrix, bounds = _solids(dice, options, place, radii)
-    return Boxes(exists, bounds, centre, matrix)
+    centre, matrix, bounds, there = _solids(dice, place, radii)
+    return Boxes(exists & there, bounds, centre, matrix)
 
 
-def _solids(
-    dice: Dice, options: Options, place: Place, radii: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Centres (B, O, 3), matrices (B, O, 3, 3) and bounds (B, O, 5) of bodies of some radii."""
+def _solids(dice: Dice, place: Place, radii: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Centres (B, O, 3), matrices (B, O, 3, 3), bounds (B, O, 5) and presence of some bodies."""
     count, number = radii.shape[:2]
-    x, y, d = _positions(dice, options, place, number)
     turned = dice.rotations(count, number) / radii[..., None]
-    # Bodies stay inside the range as far as they can: large ones are pressed flat.
     reach = _extent(turned)
+    x, y, d, there = _positions(dice, place, reach[..., :2].amax(-1))
+    # Bodies stay inside the range as far as they can: large ones are pressed flat.
     deep = reach[..., 2] / place.depth_px
     room = 0.5 * (place.high - place.low) + 0.02
     depth_px = place.depth_px * (deep / room).clamp_min(1)
@@ -260,7 +279,7 @@ def _solids(
         ],
         -1,
     )
-    return torch.stack([x, y, d], -1), matrix, bounds
+    return torch.stack([x, y, d], -1), matrix, bounds, there
 
 
 def _extent(matrix: Tensor) -> Tensor:
@@ -269,10 +288,10 @@ def _extent(matrix: Tensor) -> Tensor:
     return inverse.abs().sum(-1)
 
 
-def _draw_reliefs(dice: Dice, options: Options, place: Place) -> Reliefs:
+def _draw_reliefs(dice: Dice, place: Place) -> Reliefs:
     count = len(place.low)
     exists = dice.chance(0.25, count, 1)
-    wavelength = dice.log_uniform(12, 1.5 * max(options.size), count, 1, WAVES)
+    wavelength = dice.log_uniform(12, 1.5 * max(place.world), count, 1, WAVES)
     base = place.background[:, :1]
     steepest = dice.log_uniform(0.3, 6, count, 1) / place.depth_px
     # Plane and waves together, so that rays of every view meet the relief once.
