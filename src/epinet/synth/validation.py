@@ -32,9 +32,9 @@ def validation_parts() -> Mapping[str, tuple[Options, ...]]:
         "textured": _part(few, few, many, many, **textured),
         "textureless": _part(few, many, **flat),
         "reflective": _part(few, many, **mirrors),
-        "thin": _part(few, many, **wires),
-        "noisy": _part(few, many, faults=noise),
-        "narrow": _part(few, many, disparity_px=RANGES_PX["narrow"]),
+        "thin": _part(many, many, **wires),
+        "noisy": _part(few, many, reflective=0.0, faults=noise),
+        "narrow": _part(few, many, reflective=0.0, disparity_px=RANGES_PX["narrow"]),
         "wide": _part(few, many, disparity_px=RANGES_PX["wide"]),
     }
 
