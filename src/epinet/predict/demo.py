@@ -14,7 +14,15 @@ from epinet.predict.result import check_replaceable
 from epinet.synth.generator import render_scene
 from epinet.synth.options import Options
 
-SCENE = Options(size=(320, 448), disparity_px=(-2.5, 2.5), surfaces=(16, 32), clutter=0.0)
+SCENE = Options(
+    size=(320, 448),
+    disparity_px=(-2.5, 2.5),
+    surfaces=(24, 32),
+    contrast=(0.4, 1.0),
+    textureless=0.0,
+    reflective=0.0,
+    clutter=0.0,
+)
 
 
 def run_demo(
