@@ -17,9 +17,10 @@ from epinet.synth.options import Options
 SCENE = Options(
     size=(320, 448),
     disparity_px=(-2.5, 2.5),
-    surfaces=(24, 32),
-    contrast=(0.4, 1.0),
+    surfaces=(12, 16),
+    contrast=(0.5, 1.0),
     textureless=0.0,
+    thin=0.1,
     reflective=0.0,
     clutter=0.0,
 )

@@ -100,7 +100,7 @@ def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scene
 def _draw_place(dice: Dice, count: int, options: Options, depth_px: Tensor) -> Place:
     least, most = options.disparity_px
     height, width = world = max(options.size[0], WORLD_PX), max(options.size[1], WORLD_PX)
-    share = torch.where(dice.chance(0.4, count, 1), 1.0, dice.log_uniform(0.08, 1, count, 1))
+    share = torch.where(dice.chance(0.5, count, 1), 1.0, dice.log_uniform(0.1, 1, count, 1))
     span = (most - least) * share
     low = least + (most - least - span) * dice.uniform(0, 1, count, 1)
     # A plane is set by its disparity at the image's centre and its gain from edge to edge: floors

@@ -19,6 +19,9 @@ TEXTURE_THRESHOLD = 0.003
 """The paper has 0.02, its reference code 0.01, for which dark walls show no texture at all; in
 low noise, 23x23 pixels tell disparity from a contrast near the 8-bit step."""
 
+TEXTURELESS_WEIGHT = 0.2
+"""Not 0: what a network never sees there, it answers with anything; the likeliest is better."""
+
 STEPS_PER_POOL = 8
 CROP_FREEDOM_PX = 16
 CONTRAST_MARGIN_PX = WINDOW_PX // 2
@@ -33,8 +36,8 @@ class Batch:
     disparity: Tensor
     """(B, 1, P, P) px per adjacent view."""
     weight: Tensor
-    """(B, 1, P, P): 1 where the truth can be told from the views, 0 where the surroundings have no
-    texture to match and on mirrors."""
+    """(B, 1, P, P): 1 where the truth can be told from the views, little where the surroundings
+    have no texture to match, 0 on mirrors."""
 
 
 def stack_star(star: Tensor, views: int) -> Tensor:
@@ -69,7 +72,7 @@ class BatchSource:
         seen = local_contrast(photos)[..., inner, inner]
         centre = star_offsets(self.options.views).index((0, 0))
         # Noise is no texture: the views before the camera's faults tell.
-        weight = textured(clean[:, centre, :, inner, inner])
+        weight = textured(clean[:, centre, :, inner, inner]).clamp_min(TEXTURELESS_WEIGHT)
         map_corners = [(y + margin + MARGIN_PX, x + margin + MARGIN_PX) for y, x in corners]
         disparity = _cut(pool.disparity, map_corners, self.patch)
         weight = weight * _cut(pool.valid, map_corners, self.patch)

@@ -25,7 +25,7 @@ from epinet.io.atomic import check_writable
 from epinet.metrics.disparity import score
 from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, save_weights
 from epinet.model.contrast import local_contrast
-from epinet.model.initialise import start_on_differences
+from epinet.model.initialise import revive_head, start_on_differences
 from epinet.model.network import MARGIN_PX, VIEW_COUNTS, Epinet, EpinetConfig
 from epinet.synth.faults import photographed
 from epinet.synth.generator import VERSION, generator, pools
@@ -51,6 +51,8 @@ class Recipe:
     patch: int = 8
     """Side of the map a patch gives, in px; its views are 22 px larger."""
     learning_rate: float = 1e-3
+    head_rate: float = 0.1
+    """The head learns at this share of the rate: nothing normalises its sums (see revive_head)."""
     warmup_steps: int = 50
     weight_decay: float = 1e-4
     gradient_clip: float = 1.0
@@ -119,8 +121,11 @@ class Run:
         else:
             self.net.load_state_dict(start.net.state_dict())
         self.averaged = AveragedModel(self.net, avg_fn=self._average, use_buffers=True)
+        head = list(self.net.head.parameters())
+        body = [*self.net.streams.parameters(), *self.net.merge.parameters()]
+        groups = [{"params": body, "share": 1.0}, {"params": head, "share": recipe.head_rate}]
         self.optimiser = torch.optim.AdamW(
-            self.net.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay
+            groups, lr=recipe.learning_rate, weight_decay=recipe.weight_decay
         )
         self.step, self.seconds = 0, 0.0
         self.history: list[dict[str, Any]] = []
@@ -192,6 +197,9 @@ class Run:
         recipe = self.recipe
         source = BatchSource(recipe.views, recipe.batch, recipe.patch, recipe.seed)
         stacks, truth = validation_set(recipe.views, recipe.disparity_px)
+        if self.step == 0 and self.started_from is not None:
+            revived = revive_head(self.net, source(0, recipe.disparity_range(0)).stacks)
+            self.say(f"{revived} units of the head that never fired have a new start")
         saved = last = time.monotonic()
         losses = []
         while self.step < recipe.steps:
@@ -212,7 +220,7 @@ class Run:
         self.net.train()
         rate = self.recipe.rate(self.step)
         for group in self.optimiser.param_groups:
-            group["lr"] = rate
+            group["lr"] = rate * group["share"]
         with torch.autocast("cpu", dtype=torch.bfloat16):
             estimate = self.net(batch.stacks)
         error = (estimate - batch.disparity).abs()
