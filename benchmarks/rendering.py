@@ -77,12 +77,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--machine", default=platform.processor() or platform.machine())
     parser.add_argument("--rounds", type=int, default=4)
     args = parser.parse_args()
     device, gpu = args.device, args.device.startswith("cuda")
     pool_options = BatchSource(9, 32, 8, SEED).options
     report: dict[str, object] = {
-        "machine": torch.cuda.get_device_name() if gpu else platform.processor() or "CPU",
+        "machine": torch.cuda.get_device_name() if gpu else args.machine,
         "threads": torch.get_num_threads(),
         "bank_s": round(seconds(lambda: bank(pool_options, SEED, 9, None, device), device), 2),
         "pools_mp_per_s": round(
