@@ -66,15 +66,11 @@ def _blur(views: Tensor, sigma: float) -> Tensor:
     return flat.view_as(views)
 
 
-def photographed(
-    g: Generator, views: Tensor, faults: Faults, frame: tuple[Tensor, Tensor] | None = None
-) -> Tensor:
+def photographed(g: Generator, views: Tensor, faults: Faults) -> Tensor:
     """Exposure, vignetting, gamma, noise and rounding of clean views.
 
     Args:
         views: (B, P, C, H, W) in 0..1.
-        frame: y (H,) and x (W,) of the pixels, where -1..1 is the whole picture; default: the
-            views are the whole picture.
 
     Returns:
         As `views`, 0..1.
@@ -93,9 +89,7 @@ def photographed(
     noise = NOISE * faults.noise * _share(g, faults, 5, *one)
     read = dice.uniform(0.1, 0.7, *one)
     key = int(torch.randint(2**31, (), generator=g))
-    if frame is None:
-        frame = torch.linspace(-1, 1, height), torch.linspace(-1, 1, width)
-    y, x = (t.to(device) for t in frame)
+    y, x = (torch.linspace(-1, 1, length).to(device) for length in (height, width))
     radius = (x + sway.to(device)) ** 2 + y[:, None] ** 2
     seen = views * gain.to(device) * (1 - darker.to(device) * radius).clamp_min(0)
     seen = seen.clamp(0, 1) ** gamma.to(device)

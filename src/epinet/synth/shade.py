@@ -31,7 +31,7 @@ def shade(scenes: Scenes, rays: Rays, d: Tensor, surface: Tensor) -> Tensor:
     tint = tint.mean(-1, keepdim=True) if gray else tint
     colour = sample(scenes.bank.textures, m.tile.view(-1).index_select(0, index), u, v)
     colour = colour * tint.index_select(0, index)
-    colour = _shadowed(scenes, colour, at, d.shape)
+    colour = _shadowed(scenes, colour, at)
     colour = _lit(scenes, rays, colour, at, index, d.shape)
     return colour.clamp_(0, 1).view(*d.shape, -1)
 
@@ -47,7 +47,7 @@ def _affine(table: Tensor, at: Points) -> Tensor:
     )
 
 
-def _shadowed(scenes: Scenes, colour: Tensor, at: Points, shape: torch.Size) -> Tensor:
+def _shadowed(scenes: Scenes, colour: Tensor, at: Points) -> Tensor:
     light = scenes.light
     if not (light.shade_strength > 0).any():
         return colour
