@@ -2,8 +2,9 @@
 
     python benchmarks/rendering.py -o benchmarks/results/rendering.json [--device cuda]
 
-A megapixel is a million finished pixels of any view, all 33 views of the star counted. A training
-step takes in 33 views of 30x30 px per patch; a pool of scenes serves 16 steps.
+A megapixel is a million finished pixels of any view, all 33 views of the star counted. Training
+follows the recipe fast-9x9: a step takes in 33 views of 38x38 px per patch, a pool of scenes serves
+8 steps.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from epinet.model.network import MARGIN_PX
 from epinet.synth.generator import bank, draw_scene, pools, star_offsets
 from epinet.synth.options import RANGES_PX, Options
 from epinet.synth.render import Lens, render
-from epinet.train.batches import STEPS_PER_POOL, BatchSource
-from epinet.train.loop import Recipe, Run
+from epinet.train.batches import batches_of
+from epinet.train.recipe import load_recipe
+from epinet.train.run import Run
+from epinet.train.sources import CROP_FREEDOM_PX, STEPS_PER_POOL
 
 SEED = 77
 VIEWS = 33
@@ -59,17 +62,17 @@ def scene_rate(options: Options, count: int, device: str) -> float:
 
 def training_rate(rounds: int) -> tuple[float, float]:
     """Megapixels per second that training on the CPU takes in: its steps alone, its data alone."""
-    recipe = Recipe()
-    source = BatchSource(recipe.views, recipe.batch, recipe.patch, SEED)
-    bounds = RANGES_PX["hci"]
-    batch = source(0, bounds)
+    recipe = load_recipe("fast-9x9", {"narrow": 1.0})
+    batches = batches_of(recipe)
+    batch = batches(0)
     with TemporaryDirectory() as folder:
         run = Run(recipe, Path(folder))
-        run._train_step(batch)
-        step_s = seconds(lambda: [run._train_step(batch) for _ in range(rounds)], "cpu") / rounds
-    start = STEPS_PER_POOL
-    data_s = seconds(lambda: [source(start + k, bounds) for k in range(STEPS_PER_POOL)], "cpu")
-    pixels = recipe.batch * VIEWS * (recipe.patch + 2 * MARGIN_PX) ** 2 / 1e6
+        run.batches = [lambda step: batch]
+        run._train_step()
+        step_s = seconds(lambda: [run._train_step() for _ in range(rounds)], "cpu") / rounds
+    steps = range(STEPS_PER_POOL, 2 * STEPS_PER_POOL)
+    data_s = seconds(lambda: [batches(step) for step in steps], "cpu")
+    pixels = recipe.batch * VIEWS * (recipe.patch_px + 2 * MARGIN_PX) ** 2 / 1e6
     return pixels / step_s, STEPS_PER_POOL * pixels / data_s
 
 
@@ -81,7 +84,8 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=4)
     args = parser.parse_args()
     device, gpu = args.device, args.device.startswith("cuda")
-    pool_options = BatchSource(9, 32, 8, SEED).options
+    side = batches_of(load_recipe("fast-9x9")).cut.side_px + CROP_FREEDOM_PX
+    pool_options = Options(size=(side, side))
     report: dict[str, object] = {
         "machine": torch.cuda.get_device_name() if gpu else args.machine,
         "threads": torch.get_num_threads(),

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import h5py
@@ -18,6 +18,8 @@ from safetensors.numpy import save_file
 from epinet.io import LAYOUTS, read_light_field, write_light_field, write_pfm
 from epinet.io.images import write_png
 from epinet.lightfield import LightField
+from epinet.model.checkpoint import save_weights
+from epinet.model.network import Epinet, EpinetConfig
 
 SIZE = (24, 30)
 
@@ -351,9 +353,50 @@ def weights_of_an_impossible_network(folder):
     return predicts(scene(folder), "--weights", folder / "w.safetensors")
 
 
-@case("views must be one of")
-def training_for_views_that_no_network_has(folder):
-    return ["train", "-o", folder / "out", "--views", "4"]
+def trains(folder: Path, *arguments: object) -> list[object]:
+    return ["train", "-o", folder / "out", *arguments]
+
+
+@case("batch: .*it is 0", "steps: .*it is -5")
+def training_of_what_cannot_be(folder):
+    (folder / "mine.yaml").write_text("base: fast-9x9\nbatch: 0\n")
+    return trains(folder, "--recipe", folder / "mine.yaml", "--set", "steps=-5")
+
+
+@case("recipe paper-8x8: no such file", "paper-9x9")
+def training_by_an_unknown_recipe(folder):
+    return trains(folder, "--recipe", "paper-8x8")
+
+
+@case(r"bare: no truth to learn from", r"bare: views of 30x24 px are smaller than a patch")
+def training_on_a_scene_without_truth(folder):
+    write_light_field(folder / "bare", replace(light_field(), truth=None), "hci")
+    return trains(folder, "--data", folder / "bare")
+
+
+@case(r"nowhere")
+def training_on_scenes_that_are_not_there(folder):
+    return trains(folder, "--data", folder / "nowhere")
+
+
+@case(r"w\.safetensors: weights of another network")
+def training_from_weights_of_another_network(folder):
+    net = Epinet(EpinetConfig(views=3, stream_width=2))
+    save_weights(folder / "w.safetensors", net, {})
+    return trains(folder, "--start", folder / "w.safetensors")
+
+
+@case(r"last\.pt: not a checkpoint that can be continued", "remove it to begin anew")
+def training_from_a_damaged_checkpoint(folder):
+    (folder / "out").mkdir()
+    (folder / "out" / "last.pt").write_bytes(b"half of it")
+    return trains(folder)
+
+
+@case(r"iter\.hdf5: cannot be read as weights of Keras")
+def importing_what_is_no_hdf5(folder):
+    (folder / "iter.hdf5").write_bytes(b"nothing")
+    return ["weights", "import", folder / "iter.hdf5", "-o", folder / "w.safetensors"]
 
 
 @case("every 3th view")

@@ -20,6 +20,7 @@ def test_the_wheel_carries_the_weights(tmp_path):
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
     assert "epinet/model/weights/epinet_9x9.safetensors" in names
+    assert "epinet/train/recipes/fast-9x9.yaml" in names
     assert "epinet/py.typed" in names
     assert not any(name.startswith("tests") for name in names)
 

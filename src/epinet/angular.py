@@ -81,6 +81,10 @@ class Symmetry:
             row, col = views - 1 - col, row
         return row, col
 
+    def offset(self, offset: tuple[int, int]) -> tuple[int, int]:
+        """Where the view goes that stands `offset` (rows, columns) from the centre view."""
+        return self.position(*offset, views=1)  # a grid of one view turns about the origin
+
     def stack_sources(self) -> list[tuple[int, bool]]:
         """For each stack after the symmetry: which stack it was, and whether it is reversed."""
         views = 9

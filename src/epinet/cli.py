@@ -47,7 +47,8 @@ TransposeOption = Annotated[
     bool, typer.Option("--transpose", help="The views' rows and columns are exchanged.")
 ]
 WeightsOption = Annotated[
-    Path | None, typer.Option(help="Weights of your own (.safetensors); default: the shipped ones.")
+    Path | None,
+    typer.Option(help="Weights: a file, or shipped ones by name (epinet weights); default: 9x9."),
 ]
 DeviceOption = Annotated[
     str | None, typer.Option(help="cpu, cuda, cuda:1, ...; default: the GPU if there is one.")
@@ -161,24 +162,128 @@ def demo(
     print(f"look at {output / 'result' / 'preview.png'}")
 
 
+def _list_recipes(wanted: bool) -> None:
+    from epinet.train.recipe import load_recipe, shipped_recipes
+
+    if wanted:
+        for name in shipped_recipes():
+            print(f"{name:22}{load_recipe(name).about.strip()}")
+        raise typer.Exit
+
+
 @app.command()
 def train(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the run.")],
-    views: Annotated[int, typer.Option(help="Views per direction: 9, 7, 5 or 3.")] = 9,
-    steps: Annotated[int | None, typer.Option(min=1, help="Default: the recipe's.")] = None,
-    seed: Annotated[int, typer.Option(min=1, help="Seed of weights and scenes.")] = 1,
+    recipe: Annotated[
+        str, typer.Option(help="Name of a shipped recipe (--list), or a YAML file.")
+    ] = "fast-9x9",
+    data: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Instead of the recipe's scenes: a folder of scenes with truth, or the range "
+            "(narrow, hci, wide) of rendered ones. May be given again for a mixture."
+        ),
+    ] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(help="Leave out this augmentation. May be given again.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Change a value of the recipe. May be given again."
+        ),
+    ] = None,
     start: Annotated[Path | None, typer.Option(help="Weights to start from.")] = None,
+    validation: Annotated[
+        Path | None,
+        typer.Option(help="Folder of scenes with truth; default: small rendered ones."),
+    ] = None,
+    textures: Annotated[
+        Path | None, typer.Option(help="Folder of photographs for the rendered scenes, too.")
+    ] = None,
+    device: DeviceOption = None,
+    list_: Annotated[
+        bool,
+        typer.Option("--list", is_eager=True, callback=_list_recipes, help="Show the recipes."),
+    ] = False,
 ) -> None:
-    """Train a network on rendered scenes; continues a run that was interrupted."""
-    from epinet.model.checkpoint import load_weights
-    from epinet.train.loop import Recipe, Run
+    """Train a network; the same command continues a run that was interrupted.
 
-    recipe = Recipe(views=views, seed=seed)
-    if steps is not None:
-        recipe = Recipe(views=views, seed=seed, steps=steps)
+    Started by torchrun, its processes share the run (--set shards=N).
+    """
+    from epinet.model.checkpoint import load_weights
+    from epinet.predict.batch import find_light_fields
+    from epinet.predict.estimator import choose_device
+    from epinet.train.parallel import local_device, team
+    from epinet.train.recipe import changed_recipe
+    from epinet.train.run import Run, StoppedError
+    from epinet.train.validation import Validation
+
+    chosen = changed_recipe(recipe, set_ or [], data or [], without or [])
     begun = None if start is None else load_weights(start)
-    Run(recipe, output, begun, lambda line: print(line, flush=True)).train()
-    print(f"weights: {output / 'weights.safetensors'}")
+    on = local_device(choose_device(device))
+    scenes = None
+    if validation is not None:
+        trained_on = find_light_fields(chosen.folders)
+        scenes = Validation.of_folders(
+            find_light_fields([validation], say=_remark), chosen.views, trained_on
+        )
+    with team(on) as processes:
+        run = Run(
+            chosen,
+            output,
+            start=begun,
+            device=on,
+            team=processes,
+            textures=textures,
+            validation=scenes,
+            say=_remark if processes.leads else lambda line: None,
+        )
+        try:
+            run.train()
+        except StoppedError as stop:
+            _remark(f"{stop}; the same command continues {output}" if stop.resumable else str(stop))
+            raise typer.Exit(1) from stop
+    if processes.leads:
+        print(f"weights: {output / 'weights.safetensors'}")
+
+
+weights_app = typer.Typer(help="List the weights that come with epinet, or import others.")
+app.add_typer(weights_app, name="weights", invoke_without_command=True)
+
+
+@weights_app.callback()
+def _weights(
+    context: typer.Context,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line each.")] = False,
+) -> None:
+    from epinet.model.checkpoint import load_weights, shipped_weights
+
+    if context.invoked_subcommand is not None:
+        return
+    for name in shipped_weights():
+        weights = load_weights(name)
+        if as_json:
+            print(json.dumps({"name": name, "file": weights.source, **weights.metadata}))
+        else:
+            print("\n".join([name, *(f"  {line}" for line in weights.lines())]))
+
+
+@weights_app.command("import")
+def _import(
+    file: Annotated[Path, typer.Argument(help="HDF5 file of the reference implementation.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="File to write, NAME.safetensors.")
+    ],
+) -> None:
+    """Turn Keras weights of the reference implementation into a file for --weights."""
+    from epinet.model.checkpoint import save_weights
+    from epinet.model.keras import read_keras
+
+    weights = read_keras(file)
+    save_weights(output, weights.net, weights.metadata, half=False)
+    config = weights.net.config
+    print(f"{config.streams} streams of {config.views} views -> {output}")
 
 
 @app.command()
@@ -194,6 +299,9 @@ def synth(
     views: Annotated[int, typer.Option(help="Views per row and column, odd.")] = 9,
     star: Annotated[
         bool, typer.Option("--star", help="Only the views that the network sees.")
+    ] = False,
+    truths: Annotated[
+        bool, typer.Option("--truths", help="Truth of the nine central views, for view shift.")
     ] = False,
     textures: Annotated[
         Path | None, typer.Option(help="Folder of photographs to take textures from, too.")
@@ -230,6 +338,7 @@ def synth(
             seed,
             scenes,
             star_only=star,
+            truths=truths,
             textures=textures,
             device=str(choose_device(device)),
             existing=existing_from(resume, force),

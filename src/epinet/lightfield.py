@@ -51,6 +51,8 @@ class LightField:
     """(row, col) of views[0, 0] in the grid that was read."""
     notes: tuple[str, ...] = ()
     """What a user should know about how it was read."""
+    view_truths: Mapping[tuple[int, int], NDArray[np.float32]] = field(default_factory=dict)
+    """(H, W) disparity of further views by (row, col), each in its own pixels."""
 
     def __post_init__(self) -> None:
         v = self.views
@@ -60,7 +62,9 @@ class LightField:
             raise InputError(f"views must be uint8, uint16 or float32, got {v.dtype}")
         if self.present is None:
             object.__setattr__(self, "present", np.ones(v.shape[:2], dtype=bool))
-        for name, image in {"truth": self.truth, "objects": self.objects, **self.masks}.items():
+        others = {f"truth of view {position}": t for position, t in self.view_truths.items()}
+        images = {"truth": self.truth, "objects": self.objects, **self.masks, **others}
+        for name, image in images.items():
             if image is not None and image.shape != v.shape[2:4]:
                 raise InputError(
                     f"{name} is {image.shape[1]}x{image.shape[0]} px, "
@@ -95,16 +99,17 @@ class LightField:
 
     def rgb(self, row: int, col: int) -> NDArray[np.float32]:
         """One view as (H, W, 3) in 0..1."""
-        view = self._unit(row, col)
+        view = self.unit(row, col)
         return np.repeat(view, 3, axis=2) if view.shape[2] == 1 else view
 
     def gray(self, row: int, col: int) -> NDArray[np.float32]:
         """One view as (H, W) luma in 0..1 (.299 R + .587 G + .114 B, as in the reference)."""
-        view = self._unit(row, col)
+        view = self.unit(row, col)
         gray: NDArray[np.float32] = view[..., 0] if view.shape[2] == 1 else np.dot(view, LUMA)
         return gray
 
-    def _unit(self, row: int, col: int) -> NDArray[np.float32]:
+    def unit(self, row: int, col: int) -> NDArray[np.float32]:
+        """One view as (H, W, C) in 0..1."""
         view = self.views[row, col]
         if view.dtype == np.float32:
             return np.asarray(view)
@@ -121,7 +126,8 @@ class LightField:
         """The central `views` x `views` grid, taking every `step`-th view around the reference.
 
         An even grid first gives up its last row and column, so that it has a centre. Disparity
-        is per adjacent view, so truth and baseline grow with `step`.
+        is per adjacent view, so truth and baseline grow with `step`. Only the reference view
+        keeps its truth.
 
         Raises:
             InputError: the grid is too small.
@@ -151,6 +157,7 @@ class LightField:
             views=self.views[rows, cols],
             present=self.present[rows, cols],
             truth=None if self.truth is None else self.truth * np.float32(step),
+            view_truths={},
             camera=camera,
             grid_origin=(row0 + rows.start, col0 + cols.start),
         )
@@ -162,6 +169,7 @@ class LightField:
 
         The images stay as they are; only which view stands where changes. Flipping an even grid
         makes another view the reference, which truth, masks and objects do not belong to: they go.
+        Truths of other views go in any case.
         """
         even_rows, even_cols = (side % 2 == 0 for side in self.grid)
         moved = (flip_rows and even_rows) or (flip_cols and even_cols)
@@ -177,7 +185,7 @@ class LightField:
         notes = self.notes
         if made:
             notes += (f"order of the views corrected ({made}); they are counted in that order",)
-        changed = replace(self, views=views, present=present, notes=notes)
+        changed = replace(self, views=views, present=present, notes=notes, view_truths={})
         return replace(changed, truth=None, masks={}, objects=None) if moved else changed
 
     def _grid_text(self) -> str:

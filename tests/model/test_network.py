@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.model.initialise import revive_head, start_on_differences
+from epinet.model.initialise import start_as_keras, start_on_differences
 from epinet.model.network import Epinet, EpinetConfig
 
 
@@ -136,21 +136,12 @@ def test_training_starts_on_differences_between_views():
         assert first(parallax).std() > first(same).std()
 
 
-def test_shut_units_of_the_head_are_revived_and_change_nothing():
-    torch.manual_seed(0)
-    net = Epinet(EpinetConfig(views=3, stream_width=8)).eval()
-    stacks = torch.rand(2, 4, 3, 40, 40)
-    shut = torch.arange(32) % 3 == 0
-    with torch.no_grad():
-        net.head[0].bias[shut] -= 100
-        net.head[0].bias[~shut] += 1
-    before, kept = net(stacks), net.head[0].weight[~shut].clone()
-    assert revive_head(net, stacks) == shut.sum()
-    torch.testing.assert_close(net(stacks), before)
-    assert torch.equal(net.head[0].weight[~shut], kept)
-    fires = []
-    net.head[1].register_forward_hook(lambda m, i, out: fires.append((out > 0).float()))
-    net(stacks).sum().backward()
-    assert (fires[0].mean((0, 2, 3))[shut] - 0.5).abs().max() < 0.25
-    assert net.head[2].weight.grad[:, shut].abs().min() > 0
-    assert revive_head(net, stacks) == 0
+def test_keras_starting_weights():
+    """Glorot: uniform within sqrt(6 / (inputs + outputs)), a kernel's pixels counted in both."""
+    net = Epinet(EpinetConfig(views=3))
+    start_as_keras(net)
+    weight = net.merge[1][0].weight
+    bound = (6 / (4 * (280 + 280))) ** 0.5
+    assert 0.99 * bound < weight.abs().max() <= bound
+    assert weight.std().item() == pytest.approx(bound / 3**0.5, rel=0.02)
+    assert net.merge[1][0].bias.abs().max() == 0

@@ -4,12 +4,14 @@
 `parameters.cfg`, `gt_disp_lowres.pfm`, `objectids_lowres.png` (16 bit) and the masks
 `invalid_mask.png`, `valid_mask.png` and `mask_<name>_lowres.png`. `gt_depth_lowres.pfm` (depth in
 mm) is written where the camera is known and never read: it follows from the disparity and the
-camera.
+camera. Truths of further views, `gt_disp_lowres_Cam000.pfm` onwards, are read by
+`read_view_truths` only: few want them.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from math import isqrt
 from pathlib import Path
@@ -85,10 +87,41 @@ def write(folder: Path, lf: LightField) -> None:
         write_pfm(folder / _TRUTH, lf.truth)
         if lf.camera is not None:
             write_pfm(folder / _DEPTH, lf.camera.depth_mm(lf.truth))
+    for (row, col), truth in lf.view_truths.items():
+        write_pfm(folder / view_truth_name(side, row, col), truth)
     if lf.objects is not None:
         write_png(folder / _OBJECTS, lf.objects)
     for name, mask in lf.masks.items():
         write_png(folder / _mask_name(name), mask.astype(np.uint8) * np.uint8(255))
+
+
+def view_truth_name(side: int, row: int, col: int) -> str:
+    """File of the truth of a view in a grid of `side` columns."""
+    return f"gt_disp_lowres_Cam{side * row + col:03d}.pfm"
+
+
+def read_view_truths(
+    folder: Path, lf: LightField, positions: Iterable[tuple[int, int]]
+) -> dict[tuple[int, int], NDArray[np.float32]]:
+    """Truths (H, W) of views other than the centre, in px per adjacent view.
+
+    Args:
+        folder: where `lf` was read from.
+        positions: (row, col) in `lf`.
+
+    Raises:
+        InputError: all files that are missing or cannot be used.
+    """
+    problems = Problems()
+    truths = {}
+    row0, col0 = lf.grid_origin
+    side = lf.grid[1] + 2 * col0
+    for row, col in positions:
+        path = folder / view_truth_name(side, row + row0, col + col0)
+        with problems.gather():
+            truths[row, col] = checked_truth(read_pfm(path), lf.size, path)
+    problems.raise_any()
+    return truths
 
 
 def _read_views(folder: Path, stated_side: int | None) -> LightField:

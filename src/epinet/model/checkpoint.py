@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from epinet.errors import InputError
+from epinet.io.atomic import atomic_path
 from epinet.model.network import Epinet, EpinetConfig
 
 FORMAT = "epinet-1"
@@ -38,6 +39,30 @@ class Weights:
         """Whether they were trained on local contrast; otherwise on plain gray, as published."""
         return self.metadata.get("input") == LOCAL_CONTRAST
 
+    def lines(self) -> list[str]:
+        """What people want to know of them."""
+        config, about = self.net.config, self.metadata
+        lines = [
+            f"network   EPINET, {config.streams} streams of {config.views} views, "
+            f"{config.parameters:,} parameters",
+            f"input     {about.get('input', 'gray')}",
+        ]
+        if self.disparity_range_px is not None:
+            low, high = self.disparity_range_px
+            lines.append(f"range     {low:g}..{high:g} px per adjacent view")
+        if about.get("steps"):
+            data, recipe = about.get("data", {}), about.get("recipe", {})
+            lines.append(
+                f"training  recipe {recipe.get('name')}, {about['steps']} steps, "
+                f"scenes {data.get('generator')} of seed {data.get('seed')}"
+            )
+        if scores := about.get("scores"):
+            lines.append(
+                f"scores    BadPix(.07) {scores['badpix_0.07']:.2f} %, "
+                f"MSE x100 {scores['mse_x100']:.2f} on rendered scenes held out"
+            )
+        return [*lines, f"file      {self.source}"]
+
     @property
     def disparity_range_px(self) -> tuple[float, float] | None:
         """Range of the training scenes, where the file states it."""
@@ -45,11 +70,18 @@ class Weights:
         return None if bounds is None else (float(bounds[0]), float(bounds[1]))
 
 
-def save_weights(path: Path, net: Epinet, metadata: dict[str, Any]) -> None:
-    """Write a network's weights in half precision, its batch-norm statistics in float32."""
+def save_weights(path: Path, net: Epinet, metadata: dict[str, Any], *, half: bool = True) -> None:
+    """Write a network's weights.
+
+    Args:
+        half: in half precision, but for the batch-norm statistics; otherwise all in float32.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
 
     def stored(name: str, tensor: Tensor) -> Tensor:
-        halve = tensor.is_floating_point() and "running" not in name
+        halve = half and tensor.is_floating_point() and "running" not in name
         return (tensor.half() if halve else tensor).contiguous()
 
     tensors = {n: stored(n, t.detach().cpu()) for n, t in net.state_dict().items()}
@@ -58,28 +90,32 @@ def save_weights(path: Path, net: Epinet, metadata: dict[str, Any]) -> None:
         "config": json.dumps(net.config.as_dict()),
         "metadata": json.dumps(metadata),
     }
-    temporary = path.with_name(path.name + ".part")
-    try:
-        save_file(tensors, temporary, metadata=header)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(save(tensors, metadata=header))
 
 
-def shipped_weights() -> Path:
-    """File of the weights that come with the package."""
-    return Path(str(resources.files("epinet.model") / "weights" / "epinet_9x9.safetensors"))
+DEFAULT = "epinet_9x9"
+"""Name of the weights to use where none are asked for."""
+
+
+def shipped_weights() -> dict[str, Path]:
+    """Files of the weights that come with the package, by name."""
+    folder = Path(str(resources.files("epinet.model") / "weights"))
+    return {path.stem: path for path in sorted(folder.glob("*.safetensors"))}
 
 
 def load_weights(path: Path | str | None = None) -> Weights:
-    """Read weights; None takes the shipped ones.
+    """Read weights: a file, shipped ones by their name, or None for the default.
 
     Raises:
         InputError: not a weights file of epinet, or damaged.
     """
-    file = shipped_weights() if path is None else Path(path)
+    shipped = shipped_weights()
+    file = shipped.get(str(path or DEFAULT), Path(path or DEFAULT))
     if not file.is_file():
-        raise InputError(f"{file}: no such weights file")
+        raise InputError(
+            f"{file}: no such weights file, and none of the shipped {', '.join(shipped)}"
+        )
     try:
         with safe_open(file, framework="pt") as stored:
             header = stored.metadata() or {}

@@ -39,34 +39,10 @@ def _look_at_differences(weight: Tensor, gain: float) -> None:
     weight.mul_(gain)
 
 
-@torch.no_grad()
-def revive_head(net: Epinet, stacks: Tensor, least: float = 0.005) -> int:
-    """Give units of the head's hidden layer that hardly ever fire another start.
-
-    All inputs of that layer are positive and nothing normalises its sums, so large steps early in
-    training can shut units for good, until a handful carries the whole map. A revived unit fires
-    at half of the pixels and counts for nothing at first: the network's output stays.
-
-    Args:
-        stacks: (B, S, N, H, W) training input.
-        least: units that fire at a smaller share of the pixels are revived.
-
-    Returns:
-        How many were revived.
-    """
-    hidden, last = net.head[0], net.head[2]
-    assert isinstance(hidden, nn.Conv2d) and isinstance(last, nn.Conv2d)
-    assert hidden.bias is not None
-    was_training = net.training
-    net.eval()
-    features = net.merge(torch.cat([s(stacks[:, i]) for i, s in enumerate(net.streams)], dim=1))
-    net.train(was_training)
-    shut = (hidden(features) > 0).float().mean((0, 2, 3)) < least
-    fresh = torch.empty_like(hidden.weight)
-    nn.init.kaiming_normal_(fresh, nonlinearity="relu")
-    hidden.weight[shut] = fresh[shut]
-    hidden.bias[shut] = 0
-    middle = hidden(features).transpose(0, 1).flatten(1).median(dim=1).values
-    hidden.bias[shut] = -middle[shut]
-    last.weight[:, shut] = 0
-    return int(shut.sum())
+def start_as_keras(net: Epinet) -> None:
+    """Keras' default, as in the reference: Glorot's uniform weights and no biases."""
+    for module in net.modules():
+        if isinstance(module, nn.Conv2d):
+            nn.init.xavier_uniform_(module.weight)
+            assert module.bias is not None
+            nn.init.zeros_(module.bias)

@@ -37,7 +37,7 @@ STATISTICS = ("statistics.json", "statistics.png")
 _KIND = "rendered light fields"
 _BESIDES_SCENES = frozenset({RECORD, *SHEETS, *STATISTICS})
 _SCENE_FILE = re.compile(
-    r"input_Cam\d{3,}\.png|parameters\.cfg|gt_(disp|depth)_lowres\.pfm"
+    r"input_Cam\d{3,}\.png|parameters\.cfg|gt_(disp|depth)_lowres(_Cam\d{3,})?\.pfm"
     r"|(in)?valid_mask\.png|mask_\w+_lowres\.png|objectids_lowres\.png"
 )
 _PNG_SHARE = 0.7
@@ -51,6 +51,7 @@ def write_dataset(
     scenes: int,
     *,
     star_only: bool = False,
+    truths: bool = False,
     textures: Path | None = None,
     device: str = "cpu",
     existing: Existing = "refuse",
@@ -65,6 +66,7 @@ def write_dataset(
         seed,
         {"options": asdict(options)},
         star_only=star_only,
+        truths=truths,
         textures=textures,
         device=device,
         existing=existing,
@@ -79,6 +81,7 @@ def write_scenes(
     about: Mapping[str, Any],
     *,
     star_only: bool = False,
+    truths: bool = False,
     textures: Path | None = None,
     device: str = "cpu",
     existing: Existing = "refuse",
@@ -92,6 +95,7 @@ def write_scenes(
         seed: scenes of different seeds have nothing in common.
         about: what dataset.json says of the options.
         star_only: only the views that the network sees.
+        truths: with the truth of the eight views around the centre.
         textures: a folder of photographs to take textures from.
         device: where to render; the scenes are the same on all.
         existing: "resume" makes the scenes that are missing from a data set of the same options,
@@ -105,16 +109,22 @@ def write_scenes(
         InputError: `out` holds something else, is begun with other options, cannot be written or
             has too little space, or the scenes cannot be rendered.
     """
-    record = _record(scenes, seed, about, star_only, textures)
+    record = _record(scenes, seed, about, star_only, truths, textures)
     old = _check_output(out, record, existing)
     todo = [name for name in scenes if existing == "replace" or not (out / name).is_dir()]
     _check_sizes({scenes[name].size for name in todo})
-    _check_space(out, [scenes[name] for name in todo], star_only, old)
+    _check_space(out, [scenes[name] for name in todo], star_only, truths, old)
     check_writable(out)
     places = {name: index for index, name in enumerate(scenes)}
     for done, name in enumerate(todo):
         lf = render_scene(
-            scenes[name], seed, places[name], device, star_only=star_only, textures=textures
+            scenes[name],
+            seed,
+            places[name],
+            device,
+            star_only=star_only,
+            truths=truths,
+            textures=textures,
         )
         if done == 0:  # only now: what cannot be rendered must not cost the old data set
             _begin(out, record, old)
@@ -184,6 +194,7 @@ def _record(
     seed: int,
     about: Mapping[str, Any],
     star_only: bool,
+    truths: bool,
     textures: Path | None,
 ) -> dict[str, Any]:
     record = {
@@ -192,6 +203,7 @@ def _record(
         "generator": VERSION,
         "seed": seed,
         "star_only": star_only,
+        "truths": truths,
         "textures": None if textures is None else str(textures.resolve()),
         **about,
         "scenes": list(scenes),
@@ -279,8 +291,10 @@ def _check_sizes(sizes: set[tuple[int, int]]) -> None:
         )
 
 
-def _check_space(out: Path, todo: list[Options], star_only: bool, old: list[Path]) -> None:
-    needed = sum(_scene_bytes(options, star_only) for options in todo)
+def _check_space(
+    out: Path, todo: list[Options], star_only: bool, truths: bool, old: list[Path]
+) -> None:
+    needed = sum(_scene_bytes(options, star_only, truths) for options in todo)
     parent = next(p for p in (out.resolve(), *out.resolve().parents) if p.is_dir())
     files = [file for p in old for file in (p.iterdir() if p.is_dir() else [p])]
     free = shutil.disk_usage(parent).free + sum(file.stat().st_size for file in files)
@@ -292,10 +306,11 @@ def _check_space(out: Path, todo: list[Options], star_only: bool, old: list[Path
         )
 
 
-def _scene_bytes(options: Options, star_only: bool) -> int:
-    """About what a scene takes on disk: views, disparity and depth."""
+def _scene_bytes(options: Options, star_only: bool, truths: bool) -> int:
+    """About what a scene takes on disk: views, disparities and depth."""
     views = 4 * options.views - 3 if star_only else options.views**2
-    return int(math.prod(options.size) * (3 * _PNG_SHARE * views + 8))
+    maps = 10 if truths else 2
+    return int(math.prod(options.size) * (3 * _PNG_SHARE * views + 4 * maps))
 
 
 def _begin(out: Path, record: Mapping[str, Any], old: list[Path]) -> None:

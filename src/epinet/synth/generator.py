@@ -80,9 +80,9 @@ class Pool:
     views: Tensor
     """(B, P, C, H, W) in 0..1, of the star or of the offsets asked for."""
     disparity: Tensor
-    """(B, 1, H, W) of the centre view, px per adjacent view."""
+    """(B, T, H, W) of the centre view or of the views asked for, px per adjacent view."""
     valid: Tensor
-    """(B, 1, H, W) bool: no mirror and no glass."""
+    """(B, T, H, W) bool: no mirror and no glass."""
 
 
 def pools(
@@ -91,25 +91,31 @@ def pools(
     count: int,
     first: int = 0,
     *,
+    offsets: Offsets | None = None,
+    truths: Offsets = ((0, 0),),
     gray: bool = True,
     textures: Path | None = None,
     device: str = "cpu",
 ) -> Iterator[Pool]:
     """Endless pools of `count` scenes, from pool number `first` on; nothing touches the disk.
 
+    Args:
+        offsets: (row, col) from the centre view of the views to render; default: the star's.
+        truths: the same of the views whose truth is wanted.
+
     Example:
         >>> pool = next(pools(Options(size=(24, 24), samples=1), seed=1, count=2))
         >>> pool.views.shape, pool.disparity.shape
         (torch.Size([2, 33, 1, 24, 24]), torch.Size([2, 1, 24, 24]))
     """
-    offsets = star_offsets(options.views)
+    offsets = star_offsets(options.views) if offsets is None else offsets
     k = first
     while True:
         tiles = bank(options, seed, k // SCENES_PER_BANK, textures, device)
         g = generator(seed, 2, k)
         scenes = draw_scenes(g, count, options, tiles.gray() if gray else tiles)
         views = _through_lens(g, scenes, offsets, options)
-        disparity, surface = truth(scenes)
+        disparity, surface = truth(scenes, truths)
         yield Pool(views, disparity, ~mirrors(scenes, surface))
         k += 1
 
@@ -146,6 +152,7 @@ def render_scene(
     device: str = "cpu",
     *,
     star_only: bool = False,
+    truths: bool = False,
     textures: Path | None = None,
 ) -> LightField:
     """Scene number `index` of a seed as a light field, as if read from disk.
@@ -153,6 +160,7 @@ def render_scene(
     Args:
         device: where to render.
         star_only: only the views that the network sees; the others are zeros and not `present`.
+        truths: with the truth of the eight views around the centre, as view shift needs it.
         textures: a folder of photographs to use among the textures.
 
     Returns:
@@ -169,6 +177,8 @@ def render_scene(
     clean = _through_lens(g, scenes, offsets, options)
     photos = photographed(g, clean, replace(options.faults, quantise=False))
     disparity, surface = truth(scenes)
+    around = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if truths and (r, c) != (0, 0)]
+    others = truth(scenes, around)[0][0].cpu().numpy() if around else ()
     views = np.zeros((n, n, *options.size, 3), np.uint8)
     present = np.zeros((n, n), bool)
     pixels = torch.round(255 * photos[0]).to(torch.uint8).permute(0, 2, 3, 1).cpu().numpy()
@@ -179,6 +189,7 @@ def render_scene(
         present,
         camera=_camera(scenes, disparity),
         truth=disparity[0, 0].cpu().numpy(),
+        view_truths={(n // 2 + r, n // 2 + c): t for (r, c), t in zip(around, others, strict=True)},
         masks=_masks(scenes, offsets, disparity, surface),
         objects=_objects(scenes, surface),
         layout="rendered",

@@ -1,29 +1,30 @@
-"""Endless training batches of rendered scenes; batch k depends on the seed and k alone."""
+"""Training batches: augmented patches of scenes; batch k depends on the seed and k alone."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Generator, Tensor
 from torch.nn import functional as F
 
-from epinet.angular import DIRECTIONS_DEG, SYMMETRIES, direction_positions, star_positions
+from epinet.angular import STREAM_DIRECTIONS_DEG, direction_positions
+from epinet.io.problems import Problems
 from epinet.model.contrast import WINDOW_PX, local_contrast
 from epinet.model.network import MARGIN_PX
-from epinet.synth.faults import photographed
-from epinet.synth.generator import Pool, generator, pools, star_offsets
-from epinet.synth.options import Options
+from epinet.predict.batch import find_light_fields
+from epinet.synth.generator import generator
+from epinet.synth.options import RANGES_PX, Options
+from epinet.train.augment import Augmentation, GrayWeights, Patch, Scale, gray
+from epinet.train.recipe import Data, Recipe
+from epinet.train.sources import Folders, Needs, Rendered, Source
 
-TEXTURE_THRESHOLD = 0.003
-"""The paper has 0.02, its reference code 0.01, for which dark walls show no texture at all; in
-low noise, 23x23 pixels tell disparity from a contrast near the 8-bit step."""
+TRIES = 50
+"""So many patches are tried for a place of the batch before a rejected one is taken."""
 
-TEXTURELESS_WEIGHT = 0.2
-"""Not 0: what a network never sees there, it answers with anything; the likeliest is better."""
-
-STEPS_PER_POOL = 8
-CROP_FREEDOM_PX = 16
 CONTRAST_MARGIN_PX = WINDOW_PX // 2
 
 
@@ -32,73 +33,137 @@ class Batch:
     """Network input and its truth."""
 
     stacks: Tensor
-    """(B, 4, N, P + 22, P + 22) local contrast of the gray views."""
+    """(B, S, N, P + 22, P + 22) gray views, or their local contrast."""
     disparity: Tensor
     """(B, 1, P, P) px per adjacent view."""
     weight: Tensor
     """(B, 1, P, P): 1 where the truth can be told from the views, little where the surroundings
-    have no texture to match, 0 on mirrors."""
+    have no texture to match, 0 on mirrors and where the truth is unknown."""
 
 
-def stack_star(star: Tensor, views: int) -> Tensor:
-    """Views of the star (B, 4N-3, H, W), in `star_positions` order, as stacks (B, 4, N, H, W)."""
-    index = {p: i for i, p in enumerate(star_positions(views))}
-    order = [[index[p] for p in direction_positions(d, views)] for d in DIRECTIONS_DEG]
-    return star[:, torch.tensor(order)]
+@dataclass(frozen=True)
+class Cut:
+    """What a batch is made of."""
+
+    views: int
+    """Of the network, per direction."""
+    streams: int
+    batch: int
+    patch_px: int
+    """Side of the map that a patch gives; its views are 22 px larger."""
+    local_contrast: bool
+    """Whether the network sees local contrast; otherwise plain gray."""
+    texture_threshold: float
+    """Of the paper's textureless rejection, in gray levels of 0..1; see `textured`."""
+    textureless_weight: float | None
+    """What textureless pixels count. None rejects whole patches as the paper does: those whose
+    middle is textureless, and those that touch a mirror."""
+
+    @property
+    def seen_px(self) -> int:
+        """Side of the views that the network sees."""
+        return self.patch_px + 2 * MARGIN_PX
+
+    @property
+    def side_px(self) -> int:
+        """Side of the views that a patch is cut with, before it is scaled down."""
+        return self.seen_px + 2 * self.margin_px
+
+    @property
+    def margin_px(self) -> int:
+        return CONTRAST_MARGIN_PX if self.local_contrast else 0
 
 
-class BatchSource:
-    """Renders pools of scenes and cuts an augmented patch from each for a batch.
+class Batches:
+    """Batches of patches, each from a source of its own choice and augmented by itself.
 
-    A pool serves several steps, each with other crops, symmetries, exposure and noise.
+    Args:
+        cut: shape of the batches.
+        sources: with the share of the patches that each gives.
+        augmentations: in the order to apply them.
+        seed: of everything drawn; `shard` numbers independent streams of one seed.
     """
 
-    def __init__(self, views: int, batch: int, patch: int, seed: int) -> None:
-        self.batch, self.patch, self.seed = batch, patch, seed
-        self.seen_px = patch + 2 * MARGIN_PX
-        side = self.seen_px + 2 * CONTRAST_MARGIN_PX + CROP_FREEDOM_PX
-        self.options = Options(size=(side, side), views=views)
-        self._pool: tuple[int, Pool] | None = None
+    def __init__(
+        self,
+        cut: Cut,
+        sources: Sequence[tuple[Source, float]],
+        augmentations: Sequence[Augmentation],
+        seed: int,
+        shard: int = 0,
+    ) -> None:
+        self.cut, self.augmentations, self.seed, self.shard = cut, augmentations, seed, shard
+        self._sources = [source for source, _ in sources]
+        self._shares = torch.tensor([share for _, share in sources])
 
-    def __call__(self, step: int, disparity_range_px: tuple[float, float]) -> Batch:
-        """Batch number `step`; `disparity_range_px` counts where a new pool begins."""
-        pool = self._rendered(step // STEPS_PER_POOL, disparity_range_px)
-        g = generator(self.seed, 3, step)
-        corners = torch.randint(CROP_FREEDOM_PX + 1, (self.batch, 2), generator=g).tolist()
-        margin = CONTRAST_MARGIN_PX
-        clean = _cut(pool.views, corners, self.seen_px + 2 * margin)
-        photos = photographed(g, clean, self.options.faults)[:, :, 0]
-        inner = slice(margin, -margin)
-        seen = local_contrast(photos)[..., inner, inner]
-        centre = star_offsets(self.options.views).index((0, 0))
-        # Noise is no texture: the views before the camera's faults tell.
-        weight = textured(clean[:, centre, :, inner, inner]).clamp_min(TEXTURELESS_WEIGHT)
-        map_corners = [(y + margin + MARGIN_PX, x + margin + MARGIN_PX) for y, x in corners]
-        disparity = _cut(pool.disparity, map_corners, self.patch)
-        weight = weight * _cut(pool.valid, map_corners, self.patch)
-        symmetry = SYMMETRIES[int(torch.randint(len(SYMMETRIES), (), generator=g))]
-        stacks = symmetry.apply_to_stacks(stack_star(seen, self.options.views))
-        return Batch(stacks, symmetry.apply(disparity), symmetry.apply(weight))
+    def __call__(self, step: int) -> Batch:
+        g = generator(self.seed, 3, self.shard, step)
+        patches = [self._patch(g, step, place) for place in range(self.cut.batch)]
+        margin = self.cut.margin_px
+        views = torch.stack([self._stacks(patch) for patch, _ in patches])
+        if self.cut.local_contrast:
+            views = local_contrast(views)[..., margin:-margin, margin:-margin]
+        inner = slice(margin + MARGIN_PX, margin + MARGIN_PX + self.cut.patch_px)
+        truths = torch.stack([patch.truth()[0][None, inner, inner] for patch, _ in patches])
+        return Batch(views, truths, torch.stack([weight for _, weight in patches]))
 
-    def _rendered(self, k: int, bounds: tuple[float, float]) -> Pool:
-        if self._pool is None or self._pool[0] != k:
-            options = replace(self.options, disparity_px=bounds)
-            self._pool = k, next(pools(options, self.seed, self.batch, first=k))
-        return self._pool[1]
+    def _patch(self, g: Generator, step: int, place: int) -> tuple[Patch, Tensor]:
+        """A patch with the weights (1, P, P) of its pixels."""
+        for _ in range(TRIES):
+            choices = [(a, a.draw(g)) for a in self.augmentations]
+            side = self.cut.side_px
+            for augmentation, choice in choices:
+                side *= choice if isinstance(augmentation, Scale) else 1
+            k = int(torch.multinomial(self._shares, 1, generator=g))
+            patch = self._sources[k].patch(g, step, place, side)
+            patch = _applied(patch, [c for c in choices if not c[0].photometric])
+            weight = self._weight(patch)
+            if self.cut.textureless_weight is not None or bool(weight.all()):
+                break
+        patch = gray(_applied(patch, [c for c in choices if c[0].photometric]))
+        return patch, weight
+
+    def _weight(self, patch: Patch) -> Tensor:
+        """Judged before the camera's faults: noise is no texture."""
+        margin, threshold = self.cut.margin_px, self.cut.texture_threshold
+        end = margin + self.cut.seen_px
+        centre = gray(patch).view((0, 0))[None, :, margin:end, margin:end]
+        texture = textured(centre, threshold)[0]
+        usable = patch.truth()[1][None, margin:end, margin:end]
+        if self.cut.textureless_weight is None:
+            middle = texture[:, self.cut.patch_px // 2, self.cut.patch_px // 2].item()
+            kept = bool(middle) and bool(usable.all())
+            return torch.full_like(texture, float(kept))
+        inner = slice(MARGIN_PX, MARGIN_PX + self.cut.patch_px)
+        weight: Tensor = texture.clamp_min(self.cut.textureless_weight) * usable[:, inner, inner]
+        return weight
+
+    def _stacks(self, patch: Patch) -> Tensor:
+        """(S, N, H, W)."""
+        return patch.views[self._order(patch), 0]
+
+    def _order(self, patch: Patch) -> Tensor:
+        place = {offset: k for k, offset in enumerate(patch.offsets)}
+        n = self.cut.views
+        return torch.tensor(
+            [
+                [place[row - n // 2, col - n // 2] for row, col in direction_positions(d, n)]
+                for d in STREAM_DIRECTIONS_DEG[self.cut.streams]
+            ]
+        )
 
 
-def _cut(images: Tensor, corners: list[tuple[int, int]], side: int) -> Tensor:
-    """Squares of (B, ..., H, W), one of each."""
-    return torch.stack(
-        [i[..., y : y + side, x : x + side] for i, (y, x) in zip(images, corners, strict=True)]
-    )
+def _applied(patch: Patch, choices: Sequence[tuple[Augmentation, Any]]) -> Patch:
+    for augmentation, choice in choices:
+        patch = augmentation.apply(patch, choice)
+    return patch
 
 
-def textured(centre: Tensor, threshold: float = TEXTURE_THRESHOLD) -> Tensor:
+def textured(centre: Tensor, threshold: float) -> Tensor:
     """Where the 23x23 surroundings of a pixel differ from it by at least `threshold` on average.
 
-    The paper's rejection of textureless patches (section 3.4), pixel by pixel: there any
-    disparity explains the views, and learning from it only adds noise.
+    The paper's rejection of textureless patches (section 3.4; it has .02, the reference code
+    .01), pixel by pixel: there any disparity explains the views.
 
     Args:
         centre: (B, 1, H, W) the centre view, 0..1.
@@ -111,3 +176,57 @@ def textured(centre: Tensor, threshold: float = TEXTURE_THRESHOLD) -> Tensor:
     surroundings = F.unfold(centre, side).view(len(centre), side**2, *inner.shape[-2:])
     difference = (surroundings - inner).abs().mean(1, keepdim=True)
     return (difference >= threshold).float()
+
+
+def batches_of(
+    recipe: Recipe, shard: int = 0, *, textures: Path | None = None, device: str = "cpu"
+) -> Batches:
+    """The batches of one shard of a recipe.
+
+    Raises:
+        InputError: scenes of the recipe that cannot be used.
+    """
+    cut = Cut(
+        views=recipe.views,
+        streams=recipe.streams,
+        batch=recipe.batch // recipe.shards,
+        patch_px=recipe.patch_px,
+        local_contrast=recipe.local_contrast,
+        texture_threshold=recipe.texture_threshold,
+        textureless_weight=recipe.textureless_weight,
+    )
+    needs = Needs(recipe.views, recipe.shifted)
+    sources: list[tuple[Source, float]] = []
+    problems = Problems()
+    for data in recipe.data:
+        with problems.gather():
+            sources.append((_source(recipe, data, cut, needs, shard, textures, device), data.share))
+    problems.raise_any()
+    return Batches(cut, sources, recipe.chosen_augmentations(), recipe.seed, shard)
+
+
+def _source(
+    recipe: Recipe,
+    data: Data,
+    cut: Cut,
+    needs: Needs,
+    shard: int,
+    textures: Path | None,
+    device: str,
+) -> Source:
+    side = cut.side_px * recipe.largest_scale
+    if data.folder is not None:
+        return Folders(find_light_fields([data.folder]), needs, side_px=side, device=device)
+    assert data.generator is not None
+    return Rendered(
+        Options(disparity_px=RANGES_PX[data.generator]),
+        needs,
+        seed=recipe.seed,
+        count=cut.batch,
+        side_px=side,
+        shard=shard,
+        reach=recipe.reach,
+        gray=GrayWeights.name not in recipe.augmentations,
+        textures=textures,
+        device=device,
+    )

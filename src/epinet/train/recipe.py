@@ -1,0 +1,296 @@
+"""Recipes: everything that decides what a training run learns, as readable YAML files.
+
+A recipe may name another as its `base` and then holds only what differs:
+
+    base: paper-9x9
+    about: The reference code's patches, 25x25 to 3x3, and its constant rate.
+    patch_px: 3
+    learning_rate: 1.0e-4
+    decay: constant
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from epinet.errors import InputError
+from epinet.io.problems import parsing
+from epinet.model.network import STREAM_COUNTS, VIEW_COUNTS, EpinetConfig
+from epinet.synth.options import RANGES_PX
+from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, ViewShift
+
+SUFFIX = ".yaml"
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Data(_Model):
+    """One source of scenes: the generator, or a folder."""
+
+    generator: Annotated[str, Field(pattern="^(narrow|hci|wide)$")] | None = None
+    """Scenes of this range of disparities, rendered as they are needed."""
+    folder: Path | None = None
+    """A scene with truth, or a folder of scenes."""
+    share: Annotated[float, Field(gt=0)] = 1.0
+    """How often patches come from here, relative to the other sources."""
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Data:
+        if (self.generator is None) == (self.folder is None):
+            raise ValueError("give either generator or folder")
+        return self
+
+
+class Recipe(_Model):
+    """All that decides what a run learns. Defaults are the paper's where it states them."""
+
+    name: str = "unnamed"
+    about: str = ""
+
+    # The network.
+    views: int = 9
+    streams: int = 4
+    local_contrast: bool = False
+    """The network sees each view with its local mean and contrast normalised, not plain gray."""
+    start: Literal["glorot", "differences"] = "glorot"
+    """Starting weights: Keras' default, or He's on differences to the centre view."""
+
+    # The data.
+    data: tuple[Data, ...] = (Data(generator="hci"),)
+    augmentations: tuple[str, ...] = ()
+    scale_weights: tuple[Annotated[int, Field(ge=0)], ...] = (1, 1, 1, 1)
+    """How often the augmentation `scale` takes N = 1, 2, 3, ..., relative to each other."""
+    texture_threshold: Annotated[float, Field(ge=0)] = 0.02
+    textureless_weight: Annotated[float, Field(ge=0, le=1)] | None = None
+    """What a textureless pixel counts; none: patches are rejected whole, as in the paper."""
+    patch_px: Annotated[int, Field(ge=1)] = 1
+    """Side of the map a patch gives; its views are 22 px larger."""
+    batch: Annotated[int, Field(ge=1)] = 16
+    narrow: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Rendered scenes begin with this share of their range of disparities ..."""
+    widening: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """... and have the whole of it after this share of the steps."""
+
+    # The optimisation.
+    steps: Annotated[int, Field(ge=1)] = 1_000_000
+    optimiser: Literal["rmsprop", "adamw", "muon"] = "rmsprop"
+    learning_rate: Annotated[float, Field(gt=0)] = 1e-5
+    final_learning_rate: Annotated[float, Field(ge=0)] = 1e-6
+    decay: Literal["constant", "exponential", "cosine"] = "exponential"
+    """The paper states both ends of its rate and not the way between."""
+    warmup_steps: Annotated[int, Field(ge=0)] = 0
+    weight_decay: Annotated[float, Field(ge=0)] = 0.0
+    gradient_clip: Annotated[float, Field(gt=0)] | None = None
+    """Largest norm of the whole gradient."""
+    averaging: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """Decay of the running average of the weights that is validated and kept; 0: the last."""
+    bf16: bool = False
+    """Autocast to bfloat16."""
+    shards: Annotated[int, Field(ge=1)] = 1
+    """Parts of a batch that are normalised by themselves; up to so many processes share a run."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    validate_every: Annotated[int, Field(ge=1)] = 1000
+
+    @model_validator(mode="after")
+    def _possible(self) -> Recipe:
+        if self.views not in VIEW_COUNTS:
+            raise ValueError(f"views must be one of {VIEW_COUNTS}, not {self.views}")
+        if self.streams not in STREAM_COUNTS:
+            raise ValueError(f"streams must be one of {STREAM_COUNTS}, not {self.streams}")
+        if not self.data:
+            raise ValueError("data: at least one source is needed")
+        unknown = sorted(set(self.augmentations) - set(AUGMENTATIONS))
+        if unknown:
+            raise ValueError(
+                f"augmentations: {', '.join(unknown)} unknown; there are {', '.join(AUGMENTATIONS)}"
+            )
+        if not any(self.scale_weights):
+            raise ValueError("scale_weights: at least one must be greater than 0")
+        if self.batch % self.shards:
+            raise ValueError(f"a batch of {self.batch} cannot be split in {self.shards} shards")
+        if self.final_learning_rate > self.learning_rate:
+            raise ValueError("final_learning_rate is greater than learning_rate")
+        if self.decay == "exponential" and self.final_learning_rate == 0:
+            raise ValueError("an exponential decay never reaches a final_learning_rate of 0")
+        return self
+
+    @property
+    def network(self) -> EpinetConfig:
+        """The network to train."""
+        return EpinetConfig.of_equal_size(self.streams, self.views)
+
+    def chosen_augmentations(self) -> tuple[Augmentation, ...]:
+        """The augmentations in the order in which they are applied."""
+        scale = Scale(self.scale_weights)
+        chosen = [a for name, a in AUGMENTATIONS.items() if name in self.augmentations]
+        return tuple(scale if a.name == Scale.name else a for a in chosen)
+
+    @property
+    def shifted(self) -> bool:
+        return ViewShift.name in self.augmentations
+
+    @property
+    def folders(self) -> list[Path]:
+        """Those of the data that lie on disk."""
+        return [d.folder for d in self.data if d.folder is not None]
+
+    @property
+    def largest_scale(self) -> int:
+        """Largest N of the augmentation `scale`."""
+        if Scale.name not in self.augmentations:
+            return 1
+        return max(n for n, weight in enumerate(self.scale_weights, 1) if weight)
+
+    @property
+    def smallest_scale(self) -> int:
+        if Scale.name not in self.augmentations:
+            return 1
+        return min(n for n, weight in enumerate(self.scale_weights, 1) if weight)
+
+    def rate(self, step: int) -> float:
+        """Learning rate at a step: linear warm-up, then the decay."""
+        share = step / self.steps
+        first, last = self.learning_rate, self.final_learning_rate
+        if self.decay == "exponential":
+            rate = first * (last / first) ** share
+        elif self.decay == "cosine":
+            rate = last + (first - last) * 0.5 * (1 + math.cos(math.pi * share))
+        else:
+            rate = first
+        return float(rate * min(1.0, (step + 1) / max(1, self.warmup_steps)))
+
+    def reach(self, step: int) -> float:
+        """Share of the rendered scenes' range of disparities that is used at a step."""
+        done = 1.0 if self.widening == 0 else min(1.0, step / (self.widening * self.steps))
+        reach: float = self.narrow * (1 / self.narrow) ** done
+        return reach
+
+    @property
+    def disparity_range_px(self) -> tuple[float, float] | None:
+        """What the network learns of, where all scenes are rendered; else unknown."""
+        names = [d.generator for d in self.data if d.generator is not None]
+        if len(names) < len(self.data):
+            return None
+        bounds = [RANGES_PX[name] for name in names]
+        low, high = min(b[0] for b in bounds), max(b[1] for b in bounds)
+        return low / self.smallest_scale, high / self.smallest_scale
+
+    def as_dict(self) -> dict[str, Any]:
+        return self.model_dump(mode="json")
+
+
+def shipped_recipes() -> dict[str, Path]:
+    """The files of the recipes that come with the package, by name."""
+    folder = Path(str(resources.files("epinet.train") / "recipes"))
+    return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
+
+
+def load_recipe(name: str, changes: Mapping[str, Any] | None = None) -> Recipe:
+    """A shipped recipe by its name, or one's own by its path, with values changed.
+
+    Raises:
+        InputError: no such recipe, or every value that is unknown or impossible.
+    """
+    values = {"name": Path(name).stem} | _values(name, ()) | dict(changes or {})
+    try:
+        return Recipe(**values)
+    except ValidationError as error:
+        raise InputError([f"recipe {name}: {_text(e)}" for e in error.errors()]) from error
+
+
+def parse_changes(texts: Sequence[str]) -> dict[str, Any]:
+    """Values from "key=value" texts; values are YAML.
+
+    Raises:
+        InputError: a text that is no such pair.
+
+    Example:
+        >>> parse_changes(["batch=32", "decay=cosine", "augmentations=[rotation, flip]"])
+        {'batch': 32, 'decay': 'cosine', 'augmentations': ['rotation', 'flip']}
+    """
+    changes = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        try:
+            changes[key.strip()] = _number(yaml.safe_load(value))
+        except yaml.YAMLError as error:
+            raise InputError(f"--set {text}: the value cannot be read ({error})") from error
+        if not equals or not key.strip():
+            raise InputError(f"--set {text}: give KEY=VALUE, as in batch=32")
+    return changes
+
+
+def changed_recipe(
+    name: str, changes: Sequence[str], data: Sequence[str], without: Sequence[str]
+) -> Recipe:
+    """A recipe with what a command line changes of it.
+
+    Args:
+        name: see `load_recipe`.
+        changes: "key=value" texts.
+        data: sources that replace the recipe's: folders, or ranges of rendered scenes.
+        without: augmentations to leave out.
+
+    Raises:
+        InputError: every value that is unknown or impossible.
+    """
+    values = parse_changes(changes)
+    if data:
+        values["data"] = [{"generator" if d in RANGES_PX else "folder": d} for d in data]
+    recipe = load_recipe(name, values)
+    unknown = sorted(set(without) - set(AUGMENTATIONS))
+    if unknown:
+        raise InputError(
+            f"--without {', '.join(unknown)}: no such augmentation; there are "
+            f"{', '.join(AUGMENTATIONS)}"
+        )
+    if without:
+        values["augmentations"] = [a for a in recipe.augmentations if a not in without]
+        recipe = load_recipe(name, values)
+    return recipe
+
+
+def _number(value: Any) -> Any:
+    """YAML takes 1e-4, without a point, for a text."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
+
+
+def _values(name: str, derived: tuple[str, ...]) -> dict[str, Any]:
+    shipped = shipped_recipes()
+    path = shipped.get(name, Path(name))
+    if not path.is_file():
+        raise InputError(
+            f"recipe {name}: no such file, and none of the recipes {', '.join(shipped)}"
+        )
+    with parsing(path, "a recipe in YAML"):
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: a recipe is a mapping of names to values")
+    values = {key: _number(value) for key, value in values.items()}
+    base = values.pop("base", None)
+    if base is None:
+        return values
+    if base in derived:
+        raise InputError(f"{path}: its base {base} is based on it")
+    return _values(str(base), (*derived, name)) | values
+
+
+def _text(error: Any) -> str:
+    place = ".".join(str(part) for part in error["loc"])
+    message = error["msg"].removeprefix("Value error, ")
+    given = "" if isinstance(error["input"], dict) else f" (it is {error['input']!r})"
+    return f"{place}: {message}{given}" if place else message

@@ -1,0 +1,423 @@
+"""A training run in a folder, from a recipe to weights with their history.
+
+recipe.yaml              the recipe, every value of it
+last.pt                  the checkpoint to continue from
+weights.safetensors      averaged weights of the last validation
+best.safetensors         those of the best validation (BadPix .07)
+log.jsonl, tensorboard/  loss, rate and scores
+validation/              pictures of the last validation
+run.json                 the recipe, the curve and the last scores
+"""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from functools import cached_property
+from pathlib import Path
+from pickle import UnpicklingError
+from types import FrameType
+from typing import Any, cast
+
+import torch
+import yaml
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel
+
+from epinet.errors import InputError
+from epinet.io.atomic import atomic_path, check_writable
+from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, save_weights
+from epinet.model.initialise import start_as_keras, start_on_differences
+from epinet.model.network import Epinet
+from epinet.synth.generator import VERSION
+from epinet.synth.options import RANGES_PX
+from epinet.train.batches import Batch, batches_of
+from epinet.train.log import Log
+from epinet.train.optimisers import Optimisers
+from epinet.train.parallel import ALONE, Team
+from epinet.train.recipe import Recipe
+from epinet.train.validation import Validation
+
+STATISTICS_BATCHES = 48
+"""Batch-norm statistics of averaged weights are taken anew, over so many of the last batches."""
+
+LOG_EVERY = 20
+
+BEST = "badpix_0.07"
+"""The score that decides which weights are the best."""
+
+SAVE_EVERY_S = 240.0
+SAY_EVERY_S = 20.0
+
+
+class StoppedError(Exception):
+    """A run ended before its last step."""
+
+    resumable = True
+    """Whether it can go on from its checkpoint."""
+
+
+class DivergedError(StoppedError):
+    """The loss is no number any more."""
+
+    resumable = False
+
+
+class Run:
+    """One training run; continues where the folder's checkpoint stands.
+
+    Args:
+        recipe: what to do.
+        folder: of the run, made if need be.
+        start: weights to begin with, where the folder holds no checkpoint.
+        device: to train on.
+        team: the processes that share the run.
+        textures: photographs for the rendered scenes.
+        validation: default: small rendered scenes of held-out kinds.
+        say: told about progress, a line at a time.
+
+    Raises:
+        InputError: the folder cannot be written, its checkpoint is damaged or of another recipe,
+            the starting weights are of another network, or scenes cannot be used.
+    """
+
+    def __init__(
+        self,
+        recipe: Recipe,
+        folder: Path,
+        *,
+        start: Weights | None = None,
+        device: torch.device | str = "cpu",
+        team: Team = ALONE,
+        textures: Path | None = None,
+        validation: Validation | None = None,
+        say: Callable[[str], None] = print,
+    ) -> None:
+        self.recipe, self.folder, self.team, self.say = recipe, folder, team, say
+        self.device = torch.device(device)
+        if recipe.shards % team.size:
+            raise InputError(
+                f"{team.size} processes cannot share the {recipe.shards} shards of the recipe: "
+                f"--set shards={team.size}"
+            )
+        if start is not None and start.net.config != recipe.network:
+            raise InputError(f"{start.source}: weights of another network than the recipe's")
+        self.batches = [
+            batches_of(recipe, shard, textures=textures, device=str(self.device))
+            for shard in range(team.rank, recipe.shards, team.size)
+        ]
+        check_writable(folder)
+        torch.manual_seed(recipe.seed)
+        self.net = Epinet(recipe.network)
+        self._begin(start)
+        self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.averaged = AveragedModel(self.net, avg_fn=self._average)
+        self.optimisers = Optimisers(self.net, recipe)
+        self.step, self.seconds = 0, 0.0
+        self.best = math.inf
+        self.losses: list[float] = []
+        self.history: list[dict[str, Any]] = []
+        if self._checkpoint.exists():
+            self._resume()
+        self._validation = validation
+        self._recent: dict[int, Tensor] = {}
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.folder / "last.pt"
+
+    def _begin(self, start: Weights | None) -> None:
+        self.started_from = None if start is None else start.metadata
+        if start is not None:
+            self.net.load_state_dict(start.net.state_dict())
+        elif self.recipe.start == "differences":
+            start_on_differences(self.net)
+        else:
+            start_as_keras(self.net)
+
+    def _average(self, average: Tensor, new: Tensor, updates: Tensor | int) -> Tensor:
+        decay = min(self.recipe.averaging, (1 + int(updates)) / (10 + int(updates)))
+        return torch.lerp(new, average, decay)
+
+    def _resume(self) -> None:
+        path = self._checkpoint
+        try:
+            state = torch.load(path, weights_only=True, map_location=self.device)
+            theirs = dict(state["recipe"])
+            mine = self.recipe.as_dict()
+            differences = [
+                f"{key} is {theirs.get(key)} there, {mine.get(key)} here"
+                for key in sorted(theirs.keys() | mine.keys())
+                if theirs.get(key) != mine.get(key)
+            ]
+            if differences:
+                raise InputError(
+                    f"{path}: belongs to another recipe ({'; '.join(differences)}); "
+                    "choose another folder"
+                )
+            self.started_from = state["started_from"]
+            self.net.load_state_dict(state["net"])
+            self.averaged.load_state_dict(state["averaged"])
+            self.optimisers.load(state["optimisers"])
+            self.step, self.seconds = state["step"], state["seconds"]
+            self.best, self.losses = state["best"], state["losses"]
+            self.history = state["history"]
+        except InputError:
+            raise
+        except (OSError, RuntimeError, UnpicklingError, KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{path}: not a checkpoint that can be continued ({str(error).splitlines()[0]}); "
+                "remove it to begin anew, or choose another folder"
+            ) from error
+        self.say(f"continuing at step {self.step} of {self.recipe.steps}")
+
+    def save(self) -> None:
+        """Write the checkpoint to resume from.
+
+        Raises:
+            InputError: it cannot be written; the one before is kept.
+        """
+        state = {
+            "recipe": self.recipe.as_dict(),
+            "started_from": self.started_from,
+            "net": self.net.state_dict(),
+            "averaged": self.averaged.state_dict(),
+            "optimisers": self.optimisers.state(),
+            "step": self.step,
+            "seconds": self.seconds,
+            "best": self.best,
+            "losses": self.losses,
+            "history": self.history,
+        }
+        packed = io.BytesIO()
+        torch.save(state, packed)
+        with atomic_path(self._checkpoint) as temporary:
+            temporary.write_bytes(packed.getbuffer())
+
+    def metadata(self) -> dict[str, Any]:
+        """What the weights of this run say about themselves."""
+        return {
+            "recipe": self.recipe.as_dict(),
+            "data": {"generator": VERSION, "seed": self.recipe.seed},
+            "disparity_range_px": self.recipe.disparity_range_px,
+            "input": LOCAL_CONTRAST if self.recipe.local_contrast else "gray",
+            "started_from": self.started_from,
+            "steps": self.step,
+            "minutes": round(self.seconds / 60, 1),
+            "scores": self.history[-1]["scores"] if self.history else {},
+        }
+
+    def train(self, save_every_s: float = SAVE_EVERY_S) -> None:
+        """Train to the recipe's last step.
+
+        Raises:
+            StoppedError: interrupted (Ctrl-C, SIGTERM); a checkpoint has been saved.
+            DivergedError: the loss is not finite; the last checkpoint is from before.
+        """
+        if not self.team.leads:
+            with _interruption() as interrupted:
+                while self.step < self.recipe.steps:
+                    self._train_step(interrupted())
+            return
+        with atomic_path(self.folder / "recipe.yaml") as temporary:
+            temporary.write_text(yaml.safe_dump(self.recipe.as_dict(), sort_keys=False))
+        with Log(self.folder, self.step) as log, _interruption() as interrupted:
+            self._lead(log, interrupted, save_every_s)
+
+    def _lead(self, log: Log, interrupted: Callable[[], bool], save_every_s: float) -> None:
+        clock = _Clock()
+        saved = said = time.monotonic()
+        begun = self.step
+        while self.step < self.recipe.steps:
+            try:
+                self._train_step(interrupted())
+            except StoppedError as stop:
+                if stop.resumable:
+                    self.save()
+                raise
+            self.seconds += clock.lap()
+            done = self.step == self.recipe.steps
+            if self.step % LOG_EVERY == 0:
+                recent = self.losses[-LOG_EVERY:]
+                rate = self.recipe.rate(self.step - 1)
+                log.write(self.step, {"loss": sum(recent) / len(recent), "rate": rate})
+            if done or self.step % self.recipe.validate_every == 0:
+                self._validate(log)
+            now = time.monotonic()
+            if done or now - saved > save_every_s:
+                self.save()
+                saved = now
+            if now - said > SAY_EVERY_S and self.losses:
+                self._say_progress(begun, clock.total)
+                said = now
+            clock.skip()
+
+    def _train_step(self, stop: bool = False) -> None:
+        """One step of all processes; any of them can stop all of them after it."""
+        net, shards = self.net, self.recipe.shards
+        net.train()
+        statistics = [b for b in net.buffers() if b.is_floating_point()]
+        before = [b.clone() for b in statistics]
+        sums = [torch.zeros_like(b) for b in statistics]
+        loss = torch.zeros((), device=self.device)
+        net.zero_grad(set_to_none=True)
+        for batches in self.batches:
+            for buffer, value in zip(statistics, before, strict=True):
+                buffer.copy_(value)
+            batch = batches(self.step)
+            if batches is self.batches[0]:
+                self._keep(batch)
+            part = self._loss(batch) / shards
+            part.backward()  # type: ignore[no-untyped-call]
+            loss += part.detach()
+            for total, buffer in zip(sums, statistics, strict=True):
+                total += buffer / shards
+        flag = torch.tensor(float(stop), device=self.device)
+        gradients = [p.grad for p in net.parameters() if p.grad is not None]
+        self.team.add([loss, flag, *gradients, *sums])
+        for buffer, value in zip(statistics, sums, strict=True):
+            buffer.copy_(value)
+        self._check_finite(loss.item())
+        if self.recipe.gradient_clip is not None:
+            nn.utils.clip_grad_norm_(net.parameters(), self.recipe.gradient_clip)
+        self.optimisers.step(self.recipe.rate(self.step))
+        self.averaged.update_parameters(net)
+        self.step += 1
+        self.losses.append(loss.item())
+        if flag.item() > 0:
+            raise StoppedError(f"stopped at step {self.step} of {self.recipe.steps}")
+
+    def _keep(self, batch: Batch) -> None:
+        self._recent[self.step] = batch.stacks
+        self._recent.pop(self.step - STATISTICS_BATCHES, None)
+
+    def _loss(self, batch: Batch) -> Tensor:
+        """Mean absolute error over the pixels of a shard, by their weights."""
+        with self._autocast():
+            estimate = self.net(batch.stacks)
+        error = (estimate - batch.disparity).abs()
+        mean: Tensor = (error * batch.weight).sum() / batch.weight.sum().clamp_min(1)
+        return mean
+
+    def _autocast(self) -> torch.autocast:
+        return torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bf16)
+
+    def _check_finite(self, loss: float) -> None:
+        if math.isfinite(loss):
+            return
+        kept = f"{self._checkpoint} is from before; " if self._checkpoint.exists() else ""
+        raise DivergedError(
+            f"the loss is {loss} at step {self.step}; {kept}the rate may be too high: "
+            f"try --set learning_rate={self.recipe.learning_rate / 2:g} in another folder"
+        )
+
+    def _validate(self, log: Log) -> None:
+        weights = self.weights()
+        pictures = self.folder / "validation"
+        scores, _ = self.validation.score(
+            weights, self.device, bf16=self.recipe.bf16, pictures=pictures
+        )
+        entry = {
+            "minutes": round(self.seconds / 60, 2),
+            "mean_loss": round(sum(self.losses) / max(1, len(self.losses)), 5),
+            "scores": {name: round(value, 4) for name, value in scores.items()},
+        }
+        self.losses = []
+        self.history.append({"step": self.step, **entry})
+        log.write(self.step, entry)
+        log.show(self.step, pictures)
+        metadata = self.metadata()
+        save_weights(self.folder / "weights.safetensors", weights.net, metadata)
+        if scores[BEST] < self.best:
+            self.best = scores[BEST]
+            save_weights(self.folder / "best.safetensors", weights.net, metadata)
+        with atomic_path(self.folder / "run.json") as temporary:
+            summary = metadata | {"history": self.history}
+            temporary.write_text(json.dumps(summary, indent=1) + "\n")
+        self.say(
+            f"step {self.step}: loss {entry['mean_loss']:.4f}, BadPix(.07) {scores[BEST]:.2f} %, "
+            f"MSE x100 {scores['mse_x100']:.2f} on {len(self.validation.scenes)} held-out scenes"
+        )
+
+    @cached_property
+    def validation(self) -> Validation:
+        """The scenes to validate on; rendered at first use where none were given."""
+        if self._validation is not None:
+            return self._validation
+        bounds = self.recipe.disparity_range_px or RANGES_PX["hci"]
+        return Validation.rendered(self.recipe.views, bounds)
+
+    def weights(self) -> Weights:
+        """The averaged weights, with batch-norm statistics of their own over the last batches."""
+        net = copy.deepcopy(cast(Epinet, self.averaged.module))
+        norms = [m for m in net.modules() if isinstance(m, nn.BatchNorm2d)]
+        usual = [norm.momentum for norm in norms]
+        for norm in norms:
+            norm.reset_running_stats()
+            norm.momentum = None  # a plain mean
+        net.train()
+        for step in range(max(0, self.step - STATISTICS_BATCHES), self.step):
+            if step not in self._recent:  # of the time before an interruption
+                self._recent[step] = self.batches[0](step).stacks
+            with torch.no_grad(), self._autocast():
+                net(self._recent[step])
+        for norm, momentum in zip(norms, usual, strict=True):
+            norm.momentum = momentum
+        return Weights(net.eval(), self.metadata(), str(self.folder))
+
+    def _say_progress(self, begun: int, seconds: float) -> None:
+        rate = (self.step - begun) / max(seconds, 1e-9)
+        left = timedelta(seconds=round((self.recipe.steps - self.step) / rate))
+        loss = sum(self.losses) / len(self.losses)
+        self.say(
+            f"step {self.step} of {self.recipe.steps}, loss {loss:.4f}, {rate:.2f} steps/s, "
+            f"{left} left"
+        )
+
+
+class _Clock:
+    """Time that went into training steps."""
+
+    def __init__(self) -> None:
+        self.total = 0.0
+        self._last = time.monotonic()
+
+    def lap(self) -> float:
+        """Seconds since the last call of anything."""
+        passed = -self._last + (now := time.monotonic())
+        self.total, self._last = self.total + passed, now
+        return passed
+
+    def skip(self) -> None:
+        """Leave out what passed since the last call."""
+        self._last = time.monotonic()
+
+
+@contextmanager
+def _interruption() -> Iterator[Callable[[], bool]]:
+    """Tells whether Ctrl-C or SIGTERM came; a second one ends the program at once."""
+    came = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal came
+        if came:
+            raise KeyboardInterrupt
+        came = True
+
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    before = {s: signal.signal(s, note) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

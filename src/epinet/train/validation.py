@@ -1,0 +1,104 @@
+"""Scores of a network in training, on scenes that it is not trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from epinet.errors import InputError
+from epinet.io import read_light_field
+from epinet.io.problems import Problems
+from epinet.lightfield import LightField
+from epinet.model.checkpoint import Weights
+from epinet.predict.estimator import Estimator
+from epinet.predict.pictures import save_preview
+from epinet.synth.generator import render_scene
+from epinet.synth.options import Options
+from epinet.synth.validation import VALIDATION_SEED
+
+SCENES = 16
+SIDE_PX = 128
+PICTURES = 4
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Scenes with truth, by name."""
+
+    scenes: dict[str, LightField]
+
+    @classmethod
+    def rendered(
+        cls, views: int, disparity_px: tuple[float, float], count: int = SCENES
+    ) -> Validation:
+        """Small scenes of held-out textures and shapes; half of them use a quarter of the range.
+
+        Quick to make and to predict; the set of `epinet validation` says more.
+        """
+        scenes = {}
+        for k in range(count):
+            share = 1.0 if k % 2 == 0 else 0.25
+            low, high = (share * bound for bound in disparity_px)
+            options = Options(
+                size=(SIDE_PX, SIDE_PX), disparity_px=(low, high), views=views, held_out=True
+            )
+            scenes[f"rendered_{k:02d}"] = render_scene(options, VALIDATION_SEED, k, star_only=True)
+        return cls(scenes)
+
+    @classmethod
+    def of_folders(
+        cls, folders: Sequence[Path], views: int, trained_on: Sequence[Path] = ()
+    ) -> Validation:
+        """Scenes on disk.
+
+        Raises:
+            InputError: scenes that cannot be read, have no truth or too few views, or are trained
+                on.
+        """
+        taken = {folder.resolve() for folder in trained_on}
+        problems = Problems(
+            f"{folder}: is trained on; validate on other scenes"
+            for folder in folders
+            if folder.resolve() in taken
+        )
+        scenes = {}
+        for folder in folders:
+            with problems.gather():
+                lf = read_light_field(folder).central(views)
+                if lf.truth is None:
+                    raise InputError(f"{folder}: no truth to validate with")
+                scenes[folder.name] = lf
+        problems.raise_any()
+        return cls(scenes)
+
+    def score(
+        self, weights: Weights, device: torch.device, *, bf16: bool, pictures: Path | None = None
+    ) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+        """Scores of a network, inside the benchmark's border.
+
+        Args:
+            weights: the network, in eval mode.
+            device: where to predict.
+            bf16: autocast to bfloat16.
+            pictures: a folder to write previews of the first scenes to.
+
+        Returns:
+            The mean over the scenes, and the scores of each.
+        """
+        estimator = Estimator(weights, str(device))
+        each: dict[str, dict[str, float]] = {}
+        for k, (name, lf) in enumerate(self.scenes.items()):
+            with torch.autocast(device.type, dtype=torch.bfloat16, enabled=bf16):
+                result = estimator.predict(lf)
+            if result.scores is None:
+                raise InputError(f"{name}: no pixel with truth inside the border of 15 px")
+            each[name] = result.scores
+            if pictures is not None and k < PICTURES:
+                pictures.mkdir(parents=True, exist_ok=True)
+                save_preview(pictures / f"{name}.png", result)
+        keys = next(iter(each.values()))
+        mean = {key: sum(scores[key] for scores in each.values()) / len(each) for key in keys}
+        return mean, each

@@ -1,0 +1,171 @@
+"""Batches: what they hold, what they leave out, and that they depend on seed and step alone."""
+
+import numpy as np
+import pytest
+import torch
+
+from epinet.angular import direction_positions
+from epinet.train.augment import AUGMENTATIONS, Patch
+from epinet.train.batches import Batches, Cut, batches_of, textured
+from epinet.train.recipe import Recipe, load_recipe
+from epinet.train.sources import STEPS_PER_POOL, Needs
+
+OURS = {"views": 3, "batch": 2, "patch_px": 4, "steps": 100}
+
+
+class Fixed:
+    """A source that gives the same pieces again and again, in turn."""
+
+    def __init__(self, *patches: Patch) -> None:
+        self.patches, self.given = patches, 0
+
+    def patch(self, g, step, place, side_px):
+        self.given += 1
+        piece = self.patches[(self.given - 1) % len(self.patches)]
+        return piece.mapped(lambda image: image[..., :side_px, :side_px], lambda o: o)
+
+
+def made_of(views: int, image, usable=None) -> Patch:
+    """A patch whose views are all one image (H, W)."""
+    offsets = Needs(views).offsets
+    image = torch.as_tensor(image, dtype=torch.float32)
+    usable = torch.ones_like(image, dtype=torch.bool) if usable is None else usable
+    return Patch(
+        image.expand(len(offsets), 1, -1, -1), offsets, torch.zeros_like(image)[None], usable[None]
+    )
+
+
+def plain(**changes) -> Cut:
+    cut = {
+        "views": 3,
+        "streams": 4,
+        "batch": 1,
+        "patch_px": 1,
+        "local_contrast": False,
+        "texture_threshold": 0.02,
+        "textureless_weight": None,
+    }
+    return Cut(**cut | changes)
+
+
+@pytest.mark.parametrize("streams", [1, 2, 4])
+def test_stacks_hold_each_view_where_the_network_expects_it(streams):
+    offsets = Needs(5).offsets
+    views = torch.arange(len(offsets)).view(-1, 1, 1, 1).expand(-1, 1, 24, 24).float()
+    patch = Patch(views, offsets, torch.zeros(1, 24, 24), torch.ones(1, 24, 24, dtype=torch.bool))
+    cut = plain(views=5, streams=streams, patch_px=2, textureless_weight=1.0)
+    stacks = Batches(cut, [(Fixed(patch), 1.0)], [], seed=1)(0).stacks[0, :, :, 0, 0]
+    directions = {1: (0,), 2: (0, 90), 4: (90, 0, 45, -45)}[streams]
+    for stack, direction in zip(stacks, directions, strict=True):
+        expected = [offsets.index((r - 2, c - 2)) for r, c in direction_positions(direction, 5)]
+        assert stack.tolist() == expected
+
+
+@pytest.mark.parametrize("name", ["fast-9x9", "paper-7x7"])
+def test_a_batch_depends_on_seed_and_step_alone(name):
+    recipe = load_recipe(name, OURS)
+    walked = batches_of(recipe)
+    for step in range(STEPS_PER_POOL + 1):
+        last = walked(step)
+    jumped = batches_of(recipe)(STEPS_PER_POOL)
+    assert torch.equal(last.stacks, jumped.stacks)
+    assert torch.equal(last.disparity, jumped.disparity)
+    assert torch.equal(last.weight, jumped.weight)
+    for other in (recipe.model_copy(update={"seed": 2}), recipe):
+        differs = batches_of(other, shard=0 if other.seed == 2 else 1)(STEPS_PER_POOL)
+        assert not torch.equal(last.stacks, differs.stacks)
+
+
+@pytest.mark.parametrize("name", ["fast-9x9", "paper-9x9"])
+def test_batches_are_light_fields_with_their_truth(name):
+    """The middle of each stack is the centre view, and truth explains its neighbours."""
+    recipe = load_recipe(
+        name, {"views": 3, "batch": 8, "patch_px": 24, "steps": 100, "textureless_weight": 0.2}
+    )
+    batch = batches_of(recipe)(0)
+    assert batch.stacks.shape == (8, 4, 3, 46, 46)
+    assert batch.disparity.shape == batch.weight.shape == (8, 1, 24, 24)
+    assert all(torch.equal(batch.stacks[:, 0, 1], batch.stacks[:, s, 1]) for s in range(4))
+    residuals = {}
+    for sign in (1, -1):
+        d = sign * batch.disparity[:, 0]
+        y, x = torch.meshgrid(torch.arange(24.0), torch.arange(24.0), indexing="ij")
+        at = torch.stack([(x + 11 - d) / 45 * 2 - 1, (y + 11).expand_as(d) / 45 * 2 - 1], -1)
+        right = batch.stacks[:, 1, 2:3]  # the view one column to the right
+        seen = torch.nn.functional.grid_sample(right, at, align_corners=True)[:, 0]
+        residuals[sign] = (seen - batch.stacks[:, 1, 1, 11:-11, 11:-11]).abs().mean()
+    assert residuals[1] < 0.7 * residuals[-1]
+
+
+def test_textureless_surroundings_are_found_as_published():
+    """Against the definition in plain loops: mean |p - p_centre| over 23x23, at least .02."""
+    centre = torch.rand(1, 1, 26, 25, generator=torch.Generator().manual_seed(0)) * 0.07
+    weights = textured(centre, threshold=0.02)
+    assert weights.shape == (1, 1, 4, 3)
+    image = centre[0, 0].numpy()
+    for row in range(4):
+        for col in range(3):
+            patch = image[row : row + 23, col : col + 23]
+            expected = np.mean(np.abs(patch - patch[11, 11])) >= 0.02
+            assert bool(weights[0, 0, row, col]) == expected
+    assert 0 < weights.mean() < 1
+
+
+def test_textureless_patches_and_any_that_touch_a_mirror_are_rejected():
+    """A mirror of any scene counts: the reference code's test reaches a single scene."""
+    rough = torch.rand(23, 23, generator=torch.Generator().manual_seed(1))
+    flat = torch.full((23, 23), 0.5)
+    mirror = torch.ones(23, 23, dtype=torch.bool)
+    mirror[0, 22] = False  # in the corner of the views, far from the one pixel of the map
+    source = Fixed(made_of(3, flat), made_of(3, rough, mirror), made_of(3, rough))
+    batch = Batches(plain(), [(source, 1.0)], [], seed=1)(0)
+    assert source.given == 3
+    assert torch.equal(batch.stacks[0, 0, 0], rough)
+    assert batch.weight.item() == 1
+
+
+def test_our_recipe_keeps_every_patch_and_weighs_its_pixels():
+    rough = torch.rand(60, 60, generator=torch.Generator().manual_seed(1))
+    image = torch.where(torch.arange(60) < 30, torch.full((60, 60), 0.5), rough)
+    usable = torch.ones(60, 60, dtype=torch.bool)
+    usable[:30] = False
+    cut = plain(patch_px=30, texture_threshold=0.003, textureless_weight=0.2)
+    source = Fixed(made_of(3, image, usable))
+    weight = Batches(cut, [(source, 1.0)], [], seed=1)(0).weight[0, 0]
+    assert source.given == 1
+    assert sorted(weight.unique().tolist()) == pytest.approx([0.0, 0.2, 1.0])
+    assert (weight[:19] == 0).all()  # map row 0 is view row 11
+    assert (weight[19:, :8] == weight.new_tensor(0.2)).all()
+    assert (weight[19:, -1] == 1).all()
+
+
+def test_sources_give_their_shares():
+    dark, light = Fixed(made_of(3, torch.zeros(23, 23))), Fixed(made_of(3, torch.ones(23, 23)))
+    cut = plain(batch=400, textureless_weight=1.0)
+    stacks = Batches(cut, [(dark, 1.0), (light, 3.0)], [], seed=1)(0).stacks
+    assert 0.7 < float(stacks[:, 0, 0, 0, 0].mean()) < 0.8
+
+
+def test_every_augmentation_of_a_recipe_reaches_its_batches(monkeypatch):
+    recipe = load_recipe("paper-7x7", OURS)
+    applied = set()
+    for augmentation in AUGMENTATIONS.values():
+        kind = type(augmentation)
+
+        def note(self, patch, choice, kind=kind, apply=kind.apply):
+            applied.add(kind.name)
+            return apply(self, patch, choice)
+
+        monkeypatch.setattr(kind, "apply", note)
+    batches_of(recipe)(0)
+    assert applied == set(recipe.augmentations)
+
+
+def test_the_largest_scale_fits_what_is_rendered():
+    recipe = load_recipe("paper-wide", OURS)
+    batch = batches_of(recipe)(0)
+    assert batch.stacks.shape[-1] == 26
+    assert isinstance(recipe, Recipe)
+    low, high = recipe.disparity_range_px
+    assert (low, high) == pytest.approx((-25 / 6, 5 / 6))
+    assert low - 0.1 <= float(batch.disparity.min()) <= float(batch.disparity.max()) <= high + 0.1

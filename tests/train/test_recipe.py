@@ -1,0 +1,138 @@
+"""Recipes: what the paper states, what is derived, and what is refused."""
+
+import pytest
+import yaml
+
+from epinet.errors import InputError
+from epinet.train.recipe import (
+    Recipe,
+    changed_recipe,
+    load_recipe,
+    parse_changes,
+    shipped_recipes,
+)
+
+
+def test_every_shipped_recipe_is_whole_and_described():
+    names = set(shipped_recipes())
+    for name in names:
+        recipe = load_recipe(name)
+        assert recipe.name == name
+        assert len(recipe.about) > 20
+        assert Recipe(**recipe.as_dict()) == recipe
+    assert {"paper-9x9", "paper-7x7", "paper-wide", "fast-9x9", "fast-7x7", "fast-5x5"} <= names
+
+
+def test_the_papers_recipe_is_the_papers():
+    recipe = load_recipe("paper-9x9")
+    assert (recipe.views, recipe.streams, recipe.batch, recipe.patch_px) == (9, 4, 16, 1)
+    assert recipe.network.parameters == 5_118_681
+    assert recipe.optimiser == "rmsprop"
+    assert recipe.rate(0) == pytest.approx(1e-5)
+    assert recipe.rate(recipe.steps) == pytest.approx(1e-6)
+    assert recipe.texture_threshold == 0.02
+    assert recipe.textureless_weight is None
+    assert not recipe.local_contrast
+    assert load_recipe("paper-7x7").shifted
+    assert load_recipe("paper-5x5").shifted  # the reference code's 5-view run has no shift
+    code = load_recipe("paper-code-9x9")
+    assert (code.patch_px, code.texture_threshold, code.rate(999)) == (3, 0.01, 1e-4)
+
+
+@pytest.mark.parametrize(("name", "streams"), [("paper-1-stream", 1), ("paper-2-streams", 2)])
+def test_fewer_streams_have_as_many_parameters(name, streams):
+    config = load_recipe(name).network
+    assert config.streams == streams
+    assert config.parameters == pytest.approx(5_118_681, rel=0.02)
+
+
+def test_ablations_differ_from_the_whole_in_their_augmentations_alone():
+    whole = load_recipe("paper-7x7")
+    for name in ("colour", "view-shift", "rotation", "scale"):
+        ablation = load_recipe(f"paper-7x7-{name}")
+        assert set(ablation.augmentations) < set(whole.augmentations)
+        same = {"augmentations": (), "name": "", "about": ""}
+        assert ablation.model_copy(update=same) == whole.model_copy(update=same)
+
+
+def test_our_range_widens_and_our_rate_falls():
+    recipe = load_recipe("fast-9x9")
+    assert recipe.reach(0) == recipe.narrow
+    assert recipe.reach(recipe.steps) == 1
+    assert recipe.rate(0) < recipe.rate(recipe.warmup_steps)
+    assert recipe.rate(recipe.steps - 1) < 1e-3 * recipe.learning_rate
+    assert load_recipe("paper-9x9").reach(0) == 1
+
+
+def test_values_can_be_changed_by_name():
+    recipe = changed_recipe(
+        "paper-7x7",
+        ["learning_rate=1e-4", "decay=constant", "gradient_clip=null"],
+        ["wide", "/data/hci"],
+        ["view_shift"],
+    )
+    assert recipe.learning_rate == 1e-4
+    assert recipe.decay == "constant"
+    assert [(d.generator, d.folder and str(d.folder)) for d in recipe.data] == [
+        ("wide", None),
+        (None, "/data/hci"),
+    ]
+    assert not recipe.shifted
+    assert "rotation" in recipe.augmentations
+
+
+def test_a_recipe_file_may_be_based_on_another(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("base: paper-9x9\nbatch: 4\nlearning_rate: 1e-3\n")
+    recipe = load_recipe(str(path))
+    assert (recipe.name, recipe.batch, recipe.learning_rate) == ("mine", 4, 1e-3)
+    assert recipe.augmentations == load_recipe("paper-9x9").augmentations
+    whole = tmp_path / "whole.yaml"
+    whole.write_text(yaml.safe_dump(recipe.as_dict()))
+    assert load_recipe(str(whole)) == recipe
+    path.write_text(f"base: {path}\n")
+    with pytest.raises(InputError, match="based on it"):
+        load_recipe(str(path))
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        (["bach=4"], "bach"),
+        (["batch=0"], "batch: .*greater than or equal to 1.*it is 0"),
+        (["batch=16", "shards=3"], "a batch of 16 cannot be split in 3 shards"),
+        (["views=4"], r"views must be one of \(3, 5, 7, 9\), not 4"),
+        (["augmentations=[spin]"], "spin unknown; there are view_shift"),
+        (["optimiser=sgd"], "optimiser: .*'rmsprop', 'adamw' or 'muon'"),
+        (["learning_rate=-1"], "learning_rate"),
+        (["final_learning_rate=1"], "final_learning_rate is greater"),
+        (["data=[{generator: huge}]"], "data.0.generator"),
+        (["data=[{share: 1}]"], "data.0: give either generator or folder"),
+        (["data=[]"], "at least one source"),
+    ],
+)
+def test_impossible_values_are_named(changes, found):
+    with pytest.raises(InputError, match=found):
+        load_recipe("paper-9x9", parse_changes(changes))
+
+
+def test_all_impossible_values_are_named_at_once():
+    with pytest.raises(InputError) as caught:
+        load_recipe("paper-9x9", {"batch": -1, "steps": 0, "colour": 1})
+    assert len(caught.value.problems) == 3
+
+
+def test_recipes_that_are_none(tmp_path):
+    with pytest.raises(InputError, match="none of the recipes fast-5x5"):
+        load_recipe("paper-8x8")
+    path = tmp_path / "list.yaml"
+    path.write_text("- 1\n")
+    with pytest.raises(InputError, match="a mapping"):
+        load_recipe(str(path))
+    path.write_text("a: [1\n")
+    with pytest.raises(InputError, match=r"list\.yaml: cannot be read"):
+        load_recipe(str(path))
+    with pytest.raises(InputError, match="KEY=VALUE"):
+        parse_changes(["batch"])
+    with pytest.raises(InputError, match="--without spin: no such augmentation"):
+        changed_recipe("paper-9x9", [], [], ["spin"])

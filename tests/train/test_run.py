@@ -1,0 +1,288 @@
+"""Runs as people have them: interrupted, killed, shared by processes, diverging, on a full disk."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+from torch import nn
+
+from epinet.errors import InputError
+from epinet.model.checkpoint import load_weights
+from epinet.model.network import Epinet, EpinetConfig
+from epinet.synth.dataset import write_dataset
+from epinet.synth.options import Options
+from epinet.train.recipe import Recipe, load_recipe
+from epinet.train.run import STATISTICS_BATCHES, DivergedError, Run
+from epinet.train.validation import Validation
+
+CHANGES = {
+    "views": 3,
+    "batch": 2,
+    "patch_px": 4,
+    "steps": 12,
+    "warmup_steps": 2,
+    "validate_every": 6,
+}
+TINY = load_recipe("fast-9x9", CHANGES)
+COMMAND = [
+    *(sys.executable, "-m", "epinet", "train"),
+    *(f"--set={key}={value}" for key, value in CHANGES.items()),
+]
+QUICK = """
+import sys
+from pathlib import Path
+from epinet.train import run
+from epinet.train.recipe import Recipe
+from epinet.train.validation import Validation
+run.LOG_EVERY = 1
+recipe = Recipe.model_validate_json(sys.argv[1])
+scenes = Validation.of_folders([Path(sys.argv[3])], recipe.views)
+run.Run(recipe, Path(sys.argv[2]), validation=scenes).train(save_every_s=0)
+"""
+
+
+@pytest.fixture(scope="module")
+def held_out(tmp_path_factory) -> Path:
+    """One small scene to validate on; the default's 16 take longer than these runs."""
+    options = Options(size=(48, 48), views=3, samples=1, held_out=True)
+    return write_dataset(tmp_path_factory.mktemp("held_out") / "set", options, 77, scenes=1)[0]
+
+
+@pytest.fixture
+def run(held_out):
+    scenes = Validation.of_folders([held_out], views=3)
+
+    def made(folder: Path, recipe: Recipe = TINY, **kwargs) -> Run:
+        return Run(recipe, folder, validation=scenes, say=lambda line: None, **kwargs)
+
+    return made
+
+
+def same_weights(a: Path, b: Path) -> bool:
+    one, other = (load_weights(p / "weights.safetensors").net.state_dict() for p in (a, b))
+    return all(torch.equal(one[name], other[name]) for name in one)
+
+
+def losses(folder: Path) -> dict[int, float]:
+    entries = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
+    return {e["step"]: e["loss"] for e in entries if "loss" in e}
+
+
+def wait_for_step(folder: Path, step: int, process: subprocess.Popen) -> None:
+    for _ in range(1200):
+        if (folder / "log.jsonl").exists() and len(losses(folder)) >= step:
+            return
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+    raise AssertionError("the run does not get on")
+
+
+def test_a_run_that_is_killed_goes_on_as_if_nothing_had_been(tmp_path, held_out):
+    """kill -9, twice, at moments that nobody chose."""
+    arguments = [sys.executable, "-c", QUICK, TINY.model_dump_json()]
+    whole, parts = ([*arguments, str(tmp_path / f), str(held_out)] for f in ("whole", "parts"))
+    subprocess.run(whole, check=True, capture_output=True)
+    for step in (3, 8):
+        process = subprocess.Popen(parts, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        wait_for_step(tmp_path / "parts", step, process)
+        process.kill()
+        process.communicate()
+    last = subprocess.run(parts, capture_output=True, text=True)
+    assert last.returncode == 0, last.stderr
+    assert "continuing at step" in last.stdout
+    assert losses(tmp_path / "parts") == losses(tmp_path / "whole")
+    assert len(losses(tmp_path / "whole")) == 12
+    assert same_weights(tmp_path / "parts", tmp_path / "whole")
+
+
+def test_two_processes_do_what_one_does_with_two_shards(tmp_path, held_out, run):
+    arguments = [*COMMAND[2:], "--set=shards=2", "--device=cpu", f"--validation={held_out}"]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    together = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
+    for launcher, folder in ((together, "two"), ([sys.executable], "one")):
+        done = subprocess.run(
+            [*launcher, "-m", *arguments, "-o", str(tmp_path / folder)],
+            capture_output=True,
+            text=True,
+            env=environment,
+        )
+        assert done.returncode == 0, done.stderr
+    assert same_weights(tmp_path / "one", tmp_path / "two")
+    one, two = (torch.load(tmp_path / f / "last.pt", weights_only=True) for f in ("one", "two"))
+    assert one["history"][-1]["scores"] == two["history"][-1]["scores"]
+    run(tmp_path / "whole").train()
+    assert not same_weights(tmp_path / "one", tmp_path / "whole")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_told_to_stop_saves_and_says_so(tmp_path, held_out, number):
+    process = subprocess.Popen(
+        [*COMMAND, "--set=steps=4000", f"--validation={held_out}", "-o", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    wait_for_step(tmp_path, 1, process)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "stopped at step" in said
+    assert f"the same command continues {tmp_path}" in said
+    assert "Traceback" not in said
+    step = torch.load(tmp_path / "last.pt", weights_only=True)["step"]
+    assert f"stopped at step {step} of 4000" in said
+
+
+def test_a_loss_that_is_no_number_ends_the_run_and_keeps_the_checkpoint(tmp_path, run):
+    run(tmp_path, TINY.model_copy(update={"steps": 6})).train()
+    good = (tmp_path / "last.pt").read_bytes()
+    going_on = run(tmp_path, TINY.model_copy(update={"steps": 6}))
+    going_on.recipe = TINY
+    with torch.no_grad():
+        going_on.net.head[2].bias.fill_(float("nan"))
+    with pytest.raises(DivergedError, match=r"the loss is nan at step 6.*last\.pt is from before"):
+        going_on.train(save_every_s=0)
+    assert (tmp_path / "last.pt").read_bytes() == good
+
+
+def test_divergence_on_the_command_line(tmp_path, held_out):
+    wild = ["--set=learning_rate=1e38", "--set=gradient_clip=null"]
+    done = subprocess.run(
+        [*COMMAND, *wild, f"--validation={held_out}", "-o", str(tmp_path)],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert "the loss is" in done.stderr
+    assert "try --set learning_rate=5e+37" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_full_disk_keeps_the_last_checkpoint(tmp_path, run):
+    recipe = TINY.model_copy(update={"steps": 7})
+    run(tmp_path, TINY.model_copy(update={"steps": 6})).train()
+    good = (tmp_path / "last.pt").read_bytes()
+    going_on = run(tmp_path, TINY.model_copy(update={"steps": 6}))
+    going_on.recipe = recipe
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"last\.pt: cannot be written \(File too large\)"):
+            going_on.save()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert (tmp_path / "last.pt").read_bytes() == good
+    assert {p.name for p in tmp_path.iterdir() if p.name.startswith(".")} == set()
+
+
+def test_a_run_leaves_weights_that_say_what_they_are(tmp_path, run):
+    run(tmp_path).train()
+    weights = load_weights(tmp_path / "weights.safetensors")
+    assert weights.net.config.views == 3
+    assert weights.metadata["steps"] == 12
+    assert weights.metadata["recipe"] == TINY.as_dict()
+    assert weights.metadata["input"] == "local contrast"
+    assert weights.disparity_range_px == (-4, 4)
+    said = json.loads((tmp_path / "run.json").read_text())
+    assert [h["step"] for h in said["history"]] == [6, 12]
+    assert {"badpix_0.07", "mse_x100"} <= set(said["history"][0]["scores"])
+    best = min(h["scores"]["badpix_0.07"] for h in said["history"])
+    kept = load_weights(tmp_path / "best.safetensors").metadata["scores"]["badpix_0.07"]
+    assert kept == best
+    assert (tmp_path / "validation" / "scene_00000.png").exists()
+    assert any((tmp_path / "tensorboard").iterdir())
+
+
+def test_statistics_are_means_over_the_last_batches(tmp_path, run):
+    """Of the first batch-norm layer, against means over its inputs."""
+    assert TINY.steps < STATISTICS_BATCHES
+    trained = run(tmp_path)
+    trained.train()
+    net: Epinet = trained.weights().net
+    norm = net.streams[0][0][3]
+    before = nn.Sequential(*net.streams[0][0][:3])
+    means, variances = [], []
+    for step in range(TINY.steps):
+        stacks = trained.batches[0](step).stacks
+        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+            features = before(stacks[:, 0]).float()
+            means.append(features.mean((0, 2, 3)))
+            variances.append(features.var((0, 2, 3)))
+    assert torch.allclose(norm.running_mean, torch.stack(means).mean(0), atol=1e-4)
+    assert torch.allclose(norm.running_var, torch.stack(variances).mean(0), rtol=1e-3)
+
+
+def test_averaged_weights_follow_their_definition(tmp_path, run):
+    recipe = TINY.model_copy(update={"averaging": 0.5, "steps": 5})
+    watched = run(tmp_path, recipe)
+    expected = None
+    for k in range(5):
+        watched._train_step()
+        now = watched.net.head[2].weight.detach().clone()
+        decay = min(0.5, (1 + k) / (10 + k))
+        expected = now if expected is None else decay * expected + (1 - decay) * now
+    assert torch.allclose(watched.averaged.module.head[2].weight, expected, atol=1e-7)
+
+
+def test_training_learns(tmp_path, run):
+    """On flat scenes at one place of the range, the constant is found within a few steps."""
+    out = write_dataset(
+        tmp_path / "set", Options(size=(64, 64), views=3, samples=1), seed=1, scenes=1
+    )
+    recipe = load_recipe(
+        "fast-9x9",
+        {**CHANGES, "steps": 40, "data": [{"folder": str(out[0])}], "validate_every": 20},
+    )
+    learner = run(tmp_path / "run", recipe)
+    for _ in range(40):
+        learner._train_step()
+    assert sum(learner.losses[-8:]) < 0.7 * sum(learner.losses[:8])
+
+
+def test_what_cannot_be_continued(tmp_path, run):
+    run(tmp_path).train()
+    with pytest.raises(InputError, match=r"another recipe \(batch is 2 there, 4 here\)"):
+        run(tmp_path, TINY.model_copy(update={"batch": 4}))
+    with pytest.raises(InputError, match="views is 3 there, 5 here"):
+        run(tmp_path, TINY.model_copy(update={"views": 5}))
+    (tmp_path / "last.pt").write_bytes((tmp_path / "last.pt").read_bytes()[:5000])
+    with pytest.raises(InputError, match=r"last\.pt: not a checkpoint that can be continued"):
+        run(tmp_path)
+    torch.save({"recipe": TINY.as_dict()}, tmp_path / "last.pt")
+    with pytest.raises(InputError, match=r"last\.pt: not a checkpoint"):
+        run(tmp_path)
+
+
+def test_weights_of_another_network_are_no_start(tmp_path, run):
+    weights = load_weights()
+    assert weights.net.config == EpinetConfig(views=9)
+    with pytest.raises(InputError, match="another network"):
+        run(tmp_path, start=weights)
+
+
+def test_processes_must_share_the_shards_evenly(tmp_path, run):
+    from epinet.train.parallel import Team
+
+    with pytest.raises(InputError, match="--set shards=2"):
+        run(tmp_path, team=Team(0, 2))
+
+
+def test_validation_scenes_are_not_training_scenes(tmp_path):
+    out = write_dataset(
+        tmp_path / "set", Options(size=(48, 48), views=3, samples=1), seed=1, scenes=1
+    )
+    done = subprocess.run(
+        [*COMMAND, "--data", str(out[0]), "--validation", str(out[0].parent), "-o", str(tmp_path)],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2
+    assert f"{out[0]}: is trained on" in done.stderr

@@ -1,0 +1,87 @@
+"""Scenes on disk and rendered ones give the same kind of patches."""
+
+import numpy as np
+import pytest
+import torch
+
+from epinet.errors import InputError
+from epinet.io import read_light_field, read_pfm, write_light_field
+from epinet.synth.dataset import write_dataset
+from epinet.synth.generator import draw_scene, generator
+from epinet.synth.options import Options
+from epinet.synth.render import truth
+from epinet.train.sources import Folders, Needs
+
+OPTIONS = Options(size=(40, 48), views=5, samples=1, surfaces=(3, 5))
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory):
+    out = tmp_path_factory.mktemp("scenes") / "set"
+    return write_dataset(out, OPTIONS, seed=3, scenes=2, truths=True)
+
+
+def test_a_piece_is_a_square_of_the_files(scenes):
+    source = Folders(scenes[:1], Needs(views=5), side_px=24)
+    piece = source.patch(generator(1), 0, 0, 24)
+    lf = read_light_field(scenes[0])
+    disparity, usable = piece.truth()
+    corners = [
+        (y, x)
+        for y in range(40 - 24 + 1)
+        for x in range(48 - 24 + 1)
+        if np.array_equal(lf.truth[y : y + 24, x : x + 24], disparity.numpy())
+    ]
+    ((y, x),) = corners
+    for row, col in Needs(views=5).offsets:
+        expected = lf.rgb(2 + row, 2 + col)[y : y + 24, x : x + 24].transpose(2, 0, 1)
+        assert np.allclose(piece.view((row, col)).numpy(), expected)
+    mask = lf.masks["invalid"][y : y + 24, x : x + 24]
+    assert np.array_equal(usable.numpy(), ~mask)
+    assert (
+        len({tuple(source.patch(generator(k), 0, 0, 24).views[0, 0, 0, :3]) for k in range(9)}) > 3
+    )
+
+
+def test_truths_of_the_nine_central_views_come_from_their_files(scenes):
+    """Against the renderer's truth of each view."""
+    needs = Needs(views=3, shifted=True)
+    piece = Folders(scenes[1:], needs, side_px=40).patch(generator(1), 0, 0, 40)
+    drawn, _ = draw_scene(OPTIONS, 3, 1)
+    expected, _ = truth(drawn, needs.truths)
+    found = piece.disparity
+    offset = next(
+        x for x in range(9) if torch.allclose(expected[0, ..., x : x + 40], found, atol=1e-5)
+    )
+    assert 0 <= offset <= 8
+    assert not torch.allclose(found[0], found[8])
+    assert read_pfm(scenes[1] / "gt_disp_lowres_Cam018.pfm").shape == (40, 48)
+    assert len(list(scenes[1].glob("gt_disp_lowres_Cam*.pfm"))) == 8
+
+
+def test_what_is_missing_is_named_all_at_once(scenes, tmp_path):
+    lf = read_light_field(scenes[0])
+    bare = tmp_path / "bare"
+    write_light_field(bare, lf, "hci")
+    (bare / "gt_disp_lowres.pfm").unlink()
+    centre_only = tmp_path / "centre_only"
+    write_light_field(centre_only, lf, "hci")
+    with pytest.raises(InputError) as caught:
+        Folders([bare, centre_only], Needs(views=3, shifted=True), side_px=24)
+    text = str(caught.value)
+    assert "bare: no truth" in text
+    assert "gt_disp_lowres_Cam006.pfm" in text
+    assert "view_shift needs the truth of the nine central views" in text
+    assert "synth --truths" in text
+    Folders([centre_only], Needs(views=3), side_px=24)
+
+
+def test_a_star_has_too_few_views_for_view_shift(tmp_path):
+    out = write_dataset(tmp_path / "star", OPTIONS, seed=3, scenes=1, star_only=True, truths=True)
+    with pytest.raises(InputError, match="view_shift needs all of them"):
+        Folders(out, Needs(views=3, shifted=True), side_px=24)
+
+
+def test_views_smaller_than_a_patch(scenes):
+    with pytest.raises(InputError, match="48x40 px are smaller than a patch"):
+        Folders(scenes, Needs(views=3), side_px=41)
