@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.model.initialise import start_as_keras, start_on_differences
+from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
 from epinet.model.network import Epinet, EpinetConfig
 
 
@@ -134,6 +134,17 @@ def test_training_starts_on_differences_between_views():
         np.testing.assert_allclose(brighter, 0, atol=1e-4)
         assert first(same).std() > 0.1
         assert first(parallax).std() > first(same).std()
+
+
+def test_a_network_of_fewer_views_takes_the_missing_for_the_centre():
+    torch.manual_seed(0)
+    large = Epinet(EpinetConfig(views=9, stream_width=4)).eval()
+    small = with_fewer_views(large, 5).eval()
+    assert small.config == EpinetConfig(views=5, stream_width=4)
+    stacks = torch.rand(1, 4, 5, 26, 26)
+    filled = stacks[:, :, 2:3].repeat(1, 1, 9, 1, 1)
+    filled[:, :, 2:7] = stacks
+    torch.testing.assert_close(small(stacks), large(filled))
 
 
 def test_keras_starting_weights():

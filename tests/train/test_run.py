@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -264,8 +265,14 @@ def test_what_cannot_be_continued(tmp_path, run):
 def test_weights_of_another_network_are_no_start(tmp_path, run):
     weights = load_weights()
     assert weights.net.config == EpinetConfig(views=9)
+    narrow = replace(weights, net=Epinet(EpinetConfig(views=9, stream_width=8)))
     with pytest.raises(InputError, match="another network"):
-        run(tmp_path, start=weights)
+        run(tmp_path, start=narrow)
+    begun = run(tmp_path, start=weights)
+    assert torch.equal(begun.net.merge[0][0].weight, weights.net.merge[0][0].weight)
+    wide = replace(weights, net=Epinet(EpinetConfig(views=3)))
+    with pytest.raises(InputError, match="weights of 3 views are no start for 9"):
+        run(tmp_path / "other", load_recipe("fast-9x9"), start=wide)
 
 
 def test_processes_must_share_the_shards_evenly(tmp_path, run):

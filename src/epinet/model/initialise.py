@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor, nn
 
@@ -46,3 +48,24 @@ def start_as_keras(net: Epinet) -> None:
             nn.init.xavier_uniform_(module.weight)
             assert module.bias is not None
             nn.init.zeros_(module.bias)
+
+
+@torch.no_grad()
+def with_fewer_views(net: Epinet, views: int) -> Epinet:
+    """A network of `views` views per direction that starts from one of more.
+
+    It gives what `net` would give if every view that it lacks were equal to the centre view: a
+    start for training, not a result.
+    """
+    config = replace(net.config, views=views)
+    smaller = Epinet(config)
+    state = net.state_dict()
+    gone = (net.config.views - views) // 2
+    for name, module in net.named_modules():
+        if isinstance(module, ViewConv):
+            weight = module.weight
+            kept = weight[:, gone : gone + views].clone()
+            kept[:, views // 2] += weight.sum(1) - kept.sum(1)
+            state[f"{name}.weight"] = kept
+    smaller.load_state_dict(state)
+    return smaller

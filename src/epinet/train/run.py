@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import timedelta
 from functools import cached_property
 from pathlib import Path
@@ -35,7 +36,7 @@ from torch.optim.swa_utils import AveragedModel
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, check_writable
 from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, save_weights
-from epinet.model.initialise import start_as_keras, start_on_differences
+from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
 from epinet.model.network import Epinet
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
@@ -77,7 +78,8 @@ class Run:
     Args:
         recipe: what to do.
         folder: of the run, made if need be.
-        start: weights to begin with, where the folder holds no checkpoint.
+        start: weights to begin with, where the folder holds no checkpoint; of as many views as
+            the recipe's or more.
         device: to train on.
         team: the processes that share the run.
         textures: photographs for the rendered scenes.
@@ -108,8 +110,13 @@ class Run:
                 f"{team.size} processes cannot share the {recipe.shards} shards of the recipe: "
                 f"--set shards={team.size}"
             )
-        if start is not None and start.net.config != recipe.network:
+        if start is not None and replace(start.net.config, views=recipe.views) != recipe.network:
             raise InputError(f"{start.source}: weights of another network than the recipe's")
+        if start is not None and start.net.config.views < recipe.views:
+            raise InputError(
+                f"{start.source}: weights of {start.net.config.views} views are no start for "
+                f"{recipe.views}; the other way round they are"
+            )
         self.batches = [
             batches_of(recipe, shard, textures=textures, device=str(self.device))
             for shard in range(team.rank, recipe.shards, team.size)
@@ -137,7 +144,8 @@ class Run:
     def _begin(self, start: Weights | None) -> None:
         self.started_from = None if start is None else start.metadata
         if start is not None:
-            self.net.load_state_dict(start.net.state_dict())
+            begun = with_fewer_views(start.net, self.recipe.views)
+            self.net.load_state_dict(begun.state_dict())
         elif self.recipe.start == "differences":
             start_on_differences(self.net)
         else:

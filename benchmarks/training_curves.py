@@ -1,0 +1,115 @@
+"""The paper's recipe beside ours: the same scenes, the same machine, the same time.
+
+    python benchmarks/training_curves.py -o benchmarks/results/training_curves.json \\
+        --minutes 30 --machine "2 vCPU Xeon with AMX"
+
+Renders 16 scenes to train on (as many as the paper has) and validates on small rendered ones of
+held-out kinds. Each recipe trains for the same time; ours, whose rate falls to zero, is told how
+many steps that is by timing a few first. Also writes the curves as a picture beside the JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from epinet.synth.dataset import write_dataset
+from epinet.synth.options import Options
+from epinet.train.recipe import Recipe, load_recipe
+from epinet.train.run import Run
+from epinet.train.validation import Validation
+
+SEED = 2018
+SCENES = 16
+RECIPES = ("paper-9x9", "fast-9x9")
+TIMED_STEPS = 12
+VALIDATIONS = 12
+
+
+def trained(name: str, data: Path, minutes: float, folder: Path, held_out: Validation) -> Run:
+    """A run of about so many minutes, validations left out."""
+    sources: dict[str, Any] = {"data": [{"folder": str(data)}]}
+    recipe = load_recipe(name, sources)
+    with TemporaryDirectory() as trial:
+        run = Run(recipe, Path(trial), validation=held_out, say=lambda line: None)
+        run._train_step()  # first calls are slow
+        begun = time.monotonic()
+        for _ in range(TIMED_STEPS):
+            run._train_step()
+        per_step_s = (time.monotonic() - begun) / TIMED_STEPS
+    steps = max(VALIDATIONS, round(60 * minutes / per_step_s))
+    changes = {"steps": steps, "validate_every": steps // VALIDATIONS}
+    recipe = Recipe(**recipe.as_dict() | changes)
+    run = Run(recipe, folder / name, validation=held_out)
+    run.train()
+    return run
+
+
+def constant_map(held_out: Validation) -> dict[str, float]:
+    """Scores of each scene's best constant, averaged over the scenes."""
+    from epinet.metrics.disparity import score
+
+    each = []
+    for lf in held_out.scenes.values():
+        assert lf.truth is not None
+        each.append(score(np.full_like(lf.truth, lf.truth[15:-15, 15:-15].mean()), lf.truth))
+    return {key: round(sum(s[key] for s in each) / len(each), 3) for key in each[0]}
+
+
+def plot(report: dict[str, Any], path: Path) -> None:
+    """Both scores against steps and against time."""
+    figure = Figure(figsize=(9, 6), layout="constrained", dpi=110)
+    axes = figure.subplots(2, 2)
+    scores = (("badpix_0.07", "BadPix(.07), %"), ("mse_x100", "MSE x100"))
+    for row, (key, label) in zip(axes, scores, strict=True):
+        for panel, (x, x_label) in zip(
+            row, (("step", "steps"), ("minutes", "minutes")), strict=True
+        ):
+            for name, run in report["runs"].items():
+                points = [(h[x], h["scores"][key]) for h in run["history"]]
+                panel.plot(*zip(*points, strict=True), marker=".", label=name)
+            panel.axhline(report["constant_map"][key], color="gray", ls=":", label="constant map")
+            panel.set_xlabel(x_label)
+            panel.set_ylabel(label)
+            panel.set_yscale("log")
+            if x == "step":
+                panel.set_xscale("log")
+    axes[0, 0].legend()
+    figure.savefig(path)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--minutes", type=float, default=30.0, help="for each recipe")
+    parser.add_argument("--machine", default=platform.processor() or platform.machine())
+    parser.add_argument("--cache", type=Path, default=Path("out/training_curves"))
+    args = parser.parse_args()
+    data = args.cache / "scenes"
+    write_dataset(data, Options(), SEED, SCENES, star_only=True, existing="resume")
+    held_out = Validation.rendered(9, Options().disparity_px)
+    report: dict[str, Any] = {
+        "machine": args.machine,
+        "threads": torch.get_num_threads(),
+        "scenes": SCENES,
+        "constant_map": constant_map(held_out),
+        "runs": {},
+    }
+    for name in RECIPES:
+        run = trained(name, data, args.minutes, args.cache, held_out)
+        report["runs"][name] = {"recipe": run.recipe.as_dict(), "history": run.history}
+    args.output.write_text(json.dumps(report, indent=1) + "\n")
+    plot(report, args.output.with_suffix(".png"))
+
+
+if __name__ == "__main__":
+    main()
