@@ -27,7 +27,7 @@ from epinet.synth.render import Lens, render
 from epinet.train.batches import batches_of
 from epinet.train.recipe import load_recipe
 from epinet.train.run import Run
-from epinet.train.sources import CROP_FREEDOM_PX, STEPS_PER_POOL
+from epinet.train.sources import CROP_FREEDOM_PX, SLOTS, STEPS_PER_POOL
 
 SEED = 77
 VIEWS = 33
@@ -70,10 +70,12 @@ def training_rate(rounds: int) -> tuple[float, float]:
         run.batches = [lambda step: batch]
         run._train_step()
         step_s = seconds(lambda: [run._train_step() for _ in range(rounds)], "cpu") / rounds
-    steps = range(STEPS_PER_POOL, 2 * STEPS_PER_POOL)
+    for step in range(SLOTS):
+        batches(step)
+    steps = range(SLOTS, SLOTS + SLOTS * STEPS_PER_POOL)  # every slot gets a new pool once
     data_s = seconds(lambda: [batches(step) for step in steps], "cpu")
     pixels = recipe.batch * VIEWS * (recipe.patch_px + 2 * MARGIN_PX) ** 2 / 1e6
-    return pixels / step_s, STEPS_PER_POOL * pixels / data_s
+    return pixels / step_s, len(steps) * pixels / data_s
 
 
 def main() -> None:

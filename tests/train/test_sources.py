@@ -1,5 +1,8 @@
 """Scenes on disk and rendered ones give the same kind of patches."""
 
+import itertools
+from collections import Counter
+
 import numpy as np
 import pytest
 import torch
@@ -10,7 +13,7 @@ from epinet.synth.dataset import write_dataset
 from epinet.synth.generator import draw_scene, generator
 from epinet.synth.options import Options
 from epinet.synth.render import truth
-from epinet.train.sources import Folders, Needs
+from epinet.train.sources import SLOTS, STEPS_PER_POOL, Folders, Needs, Rendered
 
 OPTIONS = Options(size=(40, 48), views=5, samples=1, surfaces=(3, 5))
 
@@ -85,3 +88,27 @@ def test_a_star_has_too_few_views_for_view_shift(tmp_path):
 def test_views_smaller_than_a_patch(scenes):
     with pytest.raises(InputError, match="48x40 px are smaller than a patch"):
         Folders(scenes, Needs(views=3), side_px=41)
+
+
+def test_rendered_pools_serve_eight_steps_each_and_never_change_together():
+    """And what a step sees does not depend on where the run began."""
+    options, needs = Options(samples=1, surfaces=(1, 2)), Needs(views=3)
+
+    def source() -> Rendered:
+        reach = {k: 0.5 + k / 1000 for k in range(300)}
+        return Rendered(options, needs, seed=1, count=1, side_px=16, reach=reach.__getitem__)
+
+    def scene(rendered: Rendered, step: int) -> float:
+        rendered.patch(generator(0), step, 0, 16)
+        return float(rendered._slots[step % SLOTS][1].disparity.double().sum())
+
+    walked = source()
+    seen = [scene(walked, step) for step in range(160)]
+    uses = Counter(seen)
+    whole = [s for s in uses if s not in seen[:SLOTS] and s not in seen[-SLOTS:]]
+    assert whole
+    assert {uses[s] for s in whole} == {STEPS_PER_POOL}
+    news = [k for k, s in enumerate(seen) if s not in seen[:k] and k >= SLOTS]
+    assert all(b - a >= STEPS_PER_POOL - 1 for a, b in itertools.pairwise(news))
+    for step in (3, 70, 159):
+        assert scene(source(), step) == seen[step]

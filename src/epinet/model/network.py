@@ -94,13 +94,18 @@ class ViewConv(nn.Conv2d):
             return super().forward(views.float().contiguous(memory_format=torch.channels_last))
 
 
+def batch_norm(channels: int) -> nn.BatchNorm2d:
+    """With Keras' defaults, as in the reference."""
+    return nn.BatchNorm2d(channels, eps=1e-3, momentum=0.01)
+
+
 def _block(first: nn.Conv2d) -> nn.Sequential:
     c = first.out_channels
     return nn.Sequential(
         first,
         nn.ReLU(inplace=True),
         nn.Conv2d(c, c, 2),
-        nn.BatchNorm2d(c, eps=1e-3, momentum=0.01),  # Keras' defaults, as in the reference
+        batch_norm(c),
         nn.ReLU(inplace=True),
     )
 

@@ -64,6 +64,9 @@ class Recipe(_Model):
     start: Literal["glorot", "differences"] = "glorot"
     """Starting weights: Keras' default, or He's on differences to the centre view."""
 
+    norms: bool = False
+    """Batch normalisation behind every hidden convolution; it folds into the weights kept."""
+
     # The data.
     data: tuple[Data, ...] = (Data(generator="hci"),)
     augmentations: tuple[str, ...] = ()

@@ -38,6 +38,7 @@ from epinet.io.atomic import atomic_path, check_writable
 from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, save_weights
 from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
 from epinet.model.network import Epinet
+from epinet.model.normed import add_norms, calibrate_norms, without_norms
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
 from epinet.train.batches import Batch, batches_of
@@ -146,10 +147,16 @@ class Run:
         if start is not None:
             begun = with_fewer_views(start.net, self.recipe.views)
             self.net.load_state_dict(begun.state_dict())
-        elif self.recipe.start == "differences":
+            if self.recipe.norms:
+                add_norms(self.net)
+                calibrate_norms(self.net, self.batches[0](0).stacks.cpu())
+            return
+        if self.recipe.start == "differences":
             start_on_differences(self.net)
         else:
             start_as_keras(self.net)
+        if self.recipe.norms:
+            add_norms(self.net)
 
     def _average(self, average: Tensor, new: Tensor, updates: Tensor | int) -> Tensor:
         decay = min(self.recipe.averaging, (1 + int(updates)) / (10 + int(updates)))
@@ -379,7 +386,7 @@ class Run:
                 net(self._recent[step])
         for norm, momentum in zip(norms, usual, strict=True):
             norm.momentum = momentum
-        return Weights(net.eval(), self.metadata(), str(self.folder))
+        return Weights(without_norms(net.eval()), self.metadata(), str(self.folder))
 
     def _say_progress(self, begun: int, seconds: float) -> None:
         rate = (self.step - begun) / max(seconds, 1e-9)

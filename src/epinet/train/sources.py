@@ -24,6 +24,9 @@ from epinet.train.augment import Offset, Patch, ViewShift
 STEPS_PER_POOL = 8
 """So many steps use a pool of rendered scenes, each with other patches and augmentations."""
 
+SLOTS = 8
+"""So many pools are in use, in turn: steps that see the same scenes lie so far apart."""
+
 CROP_FREEDOM_PX = 16
 """Rendered scenes are larger than a patch by this much."""
 
@@ -69,6 +72,8 @@ class Source(Protocol):
 class Rendered:
     """Endless scenes of the generator, rendered in pools that serve several steps.
 
+    Step s takes its patches from the pool in slot s % `SLOTS`; slot after slot gets a new pool.
+
     Args:
         options: of the scenes; their size is chosen here.
         needs: which views and truths.
@@ -97,19 +102,24 @@ class Rendered:
         self.options = replace(options, size=(side, side), views=needs.grid)
         self.needs, self.seed, self.shard, self.count = needs, seed, shard, count
         self.reach, self.gray, self.textures, self.device = reach, gray, textures, device
-        self._pool: tuple[int, Pool] | None = None
+        self._slots: dict[int, tuple[int, Pool]] = {}
 
     def patch(self, g: Generator, step: int, place: int, side_px: int) -> Patch:
-        pool = self._rendered(step // STEPS_PER_POOL)
+        pool = self._pool(step)
         n = place % self.count
         scene = Patch(
             pool.views[n], self.needs.offsets, pool.disparity[n], pool.valid[n], self.needs.truths
         )
         return _piece(g, scene, side_px)
 
-    def _rendered(self, k: int) -> Pool:
-        if self._pool is None or self._pool[0] != k:
-            share = self.reach(k * STEPS_PER_POOL)
+    def _pool(self, step: int) -> Pool:
+        slot = step % SLOTS
+        lifetime = STEPS_PER_POOL * SLOTS
+        phase = STEPS_PER_POOL * slot  # so that not all slots change at once
+        k = slot + SLOTS * ((step + phase) // lifetime)
+        if slot not in self._slots or self._slots[slot][0] != k:
+            begins = max(0, k // SLOTS * lifetime - phase)
+            share = self.reach(begins)
             low, high = (share * bound for bound in self.options.disparity_px)
             made = pools(
                 replace(self.options, disparity_px=(low, high)),
@@ -122,8 +132,8 @@ class Rendered:
                 textures=self.textures,
                 device=self.device,
             )
-            self._pool = k, next(made)
-        return self._pool[1]
+            self._slots[slot] = k, next(made)
+        return self._slots[slot][1]
 
 
 class Folders:
