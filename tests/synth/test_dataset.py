@@ -30,7 +30,7 @@ def drawn(monkeypatch) -> list[int]:
     """
     asked: list[int] = []
 
-    def draw(options, seed, index, device, *, star_only, truths, textures):
+    def draw(options, seed, index, device, *, star_only, textures, truths=False):
         asked.append(index)
         if textures is not None:
             raise InputError(f"{textures}: no photograph")

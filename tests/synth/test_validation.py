@@ -24,7 +24,7 @@ def drawn(monkeypatch) -> list[tuple[Options, int, int]]:
     """(options, seed, index) of each scene that is rendered; the scenes are small."""
     asked = []
 
-    def draw(options, seed, index, device, *, star_only, truths, textures):
+    def draw(options, seed, index, device, *, star_only, textures, truths=False):
         assert star_only
         asked.append((options, seed, index))
         return render_scene(replace(options, size=(24, 32)), seed, index, star_only=True)
