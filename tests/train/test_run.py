@@ -10,6 +10,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch import nn
@@ -219,6 +220,18 @@ def test_statistics_are_means_over_the_last_batches(tmp_path, run):
             variances.append(features.var((0, 2, 3)))
     assert torch.allclose(norm.running_mean, torch.stack(means).mean(0), atol=1e-4)
     assert torch.allclose(norm.running_var, torch.stack(variances).mean(0), rtol=1e-3)
+
+
+@pytest.mark.parametrize("scale", [None, 0.2])
+def test_the_loss_follows_its_definition(tmp_path, run, scale):
+    recipe = TINY.model_copy(update={"loss_scale_px": scale, "bf16": False})
+    trained = run(tmp_path, recipe)
+    batch = trained.batches[0](0)
+    trained.net.eval()
+    error = (trained.net(batch.stacks) - batch.disparity).abs().detach().numpy()
+    loss = error if scale is None else scale * np.log(1 + error / scale)
+    expected = np.average(loss, weights=batch.weight.numpy())
+    assert trained._loss(batch).item() == pytest.approx(expected, rel=1e-4)
 
 
 def test_averaged_weights_follow_their_definition(tmp_path, run):

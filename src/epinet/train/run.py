@@ -315,11 +315,14 @@ class Run:
         self._recent.pop(self.step - STATISTICS_BATCHES, None)
 
     def _loss(self, batch: Batch) -> Tensor:
-        """Mean absolute error over the pixels of a shard, by their weights."""
+        """Mean loss over the pixels of a shard, by their weights."""
         with self._autocast():
             estimate = self.net(batch.stacks)
-        error = (estimate - batch.disparity).abs()
-        mean: Tensor = (error * batch.weight).sum() / batch.weight.sum().clamp_min(1)
+        loss = (estimate - batch.disparity).abs()
+        scale = self.recipe.loss_scale_px
+        if scale is not None:
+            loss = scale * torch.log1p(loss / scale)
+        mean: Tensor = (loss * batch.weight).sum() / batch.weight.sum().clamp_min(1)
         return mean
 
     def _autocast(self) -> torch.autocast:
