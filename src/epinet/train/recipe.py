@@ -87,8 +87,8 @@ class Recipe(_Model):
     steps: Annotated[int, Field(ge=1)] = 1_000_000
     optimiser: Literal["rmsprop", "adamw", "muon"] = "rmsprop"
     loss_scale_px: Annotated[float, Field(gt=0)] | None = None
-    """The loss of an error e is s log(1 + |e| / s), which hardly sees errors far above s; none: |e|,
-    the paper's mean absolute error."""
+    """The loss of an error e is s log(1 + |e| / s), which hardly sees errors far above s.
+    None: |e|, the paper's mean absolute error."""
     learning_rate: Annotated[float, Field(gt=0)] = 1e-5
     final_learning_rate: Annotated[float, Field(ge=0)] = 1e-6
     decay: Literal["constant", "exponential", "cosine"] = "exponential"
