@@ -282,7 +282,7 @@ def test_weights_of_another_network_are_no_start(tmp_path, run):
     with pytest.raises(InputError, match="another network"):
         run(tmp_path, start=narrow)
     begun = run(tmp_path, start=weights)
-    assert torch.equal(begun.net.merge[0][0].weight, weights.net.merge[0][0].weight)
+    assert torch.equal(begun.net.merge[0][0].conv.weight, weights.net.merge[0][0].weight)
     wide = replace(weights, net=Epinet(EpinetConfig(views=3)))
     with pytest.raises(InputError, match="weights of 3 views are no start for 9"):
         run(tmp_path / "other", load_recipe("fast-9x9"), start=wide)
