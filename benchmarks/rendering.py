@@ -63,7 +63,7 @@ def scene_rate(options: Options, count: int, device: str) -> float:
 def training_rate(rounds: int) -> tuple[float, float]:
     """Megapixels per second that training on the CPU takes in: its steps alone, its data alone."""
     recipe = load_recipe("fast-9x9", {"narrow": 1.0})
-    batches = batches_of(recipe)
+    (batches,) = batches_of(recipe, [0])
     batch = batches(0)
     with TemporaryDirectory() as folder:
         run = Run(recipe, Path(folder))
@@ -86,7 +86,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=4)
     args = parser.parse_args()
     device, gpu = args.device, args.device.startswith("cuda")
-    side = batches_of(load_recipe("fast-9x9")).cut.side_px + CROP_FREEDOM_PX
+    side = batches_of(load_recipe("fast-9x9"), [0])[0].cut.side_px + CROP_FREEDOM_PX
     pool_options = Options(size=(side, side))
     report: dict[str, object] = {
         "machine": torch.cuda.get_device_name() if gpu else args.machine,

@@ -18,13 +18,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
 import torch
 from matplotlib.figure import Figure
+from real_light_fields import constant_map
 
 from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
-from epinet.train.recipe import Recipe, load_recipe
+from epinet.train.recipe import load_recipe
 from epinet.train.run import Run
 from epinet.train.validation import Validation
 
@@ -48,20 +48,14 @@ def trained(name: str, data: Path, minutes: float, folder: Path, held_out: Valid
         per_step_s = (time.monotonic() - begun) / TIMED_STEPS
     steps = max(VALIDATIONS, round(60 * minutes / per_step_s))
     changes = {"steps": steps, "validate_every": steps // VALIDATIONS}
-    recipe = Recipe(**recipe.as_dict() | changes)
-    run = Run(recipe, folder / name, validation=held_out)
+    run = Run(load_recipe(name, sources | changes), folder / name, validation=held_out)
     run.train()
     return run
 
 
-def constant_map(held_out: Validation) -> dict[str, float]:
+def constant_maps(held_out: Validation) -> dict[str, float]:
     """Scores of each scene's best constant, averaged over the scenes."""
-    from epinet.metrics.disparity import score
-
-    each = []
-    for lf in held_out.scenes.values():
-        assert lf.truth is not None
-        each.append(score(np.full_like(lf.truth, lf.truth[15:-15, 15:-15].mean()), lf.truth))
+    each = [constant_map(lf.truth) for lf in held_out.scenes.values() if lf.truth is not None]
     return {key: round(sum(s[key] for s in each) / len(each), 3) for key in each[0]}
 
 
@@ -101,7 +95,7 @@ def main() -> None:
         "machine": args.machine,
         "threads": torch.get_num_threads(),
         "scenes": SCENES,
-        "constant_map": constant_map(held_out),
+        "constant_map": constant_maps(held_out),
         "runs": {},
     }
     for name in RECIPES:

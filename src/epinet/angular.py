@@ -27,6 +27,9 @@ DIRECTIONS_DEG = (90, 0, 45, -45)
 STREAM_DIRECTIONS_DEG = {1: (0,), 2: (0, 90), 4: DIRECTIONS_DEG}
 """Directions that a network of so many streams sees (1 and 2: our reading of table 1)."""
 
+CENTRAL_NINE = tuple((row, col) for row in (-1, 0, 1) for col in (-1, 0, 1))
+"""The centre view and the eight around it, as (rows, columns) from the centre."""
+
 Array = TypeVar("Array", NDArray[np.float32], Tensor)
 
 

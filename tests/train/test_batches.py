@@ -64,15 +64,16 @@ def test_stacks_hold_each_view_where_the_network_expects_it(streams):
 @pytest.mark.parametrize("name", ["fast-9x9", "paper-7x7"])
 def test_a_batch_depends_on_seed_and_step_alone(name):
     recipe = load_recipe(name, OURS)
-    walked = batches_of(recipe)
+    walked = batches_of(recipe, [0])[0]
     for step in range(STEPS_PER_POOL + 1):
         last = walked(step)
-    jumped = batches_of(recipe)(STEPS_PER_POOL)
+    jumped = batches_of(recipe, [0])[0](STEPS_PER_POOL)
     assert torch.equal(last.stacks, jumped.stacks)
     assert torch.equal(last.disparity, jumped.disparity)
     assert torch.equal(last.weight, jumped.weight)
     for other in (recipe.model_copy(update={"seed": 2}), recipe):
-        differs = batches_of(other, shard=0 if other.seed == 2 else 1)(STEPS_PER_POOL)
+        (batches,) = batches_of(other, [0 if other.seed == 2 else 1])
+        differs = batches(STEPS_PER_POOL)
         assert not torch.equal(last.stacks, differs.stacks)
 
 
@@ -82,7 +83,7 @@ def test_batches_are_light_fields_with_their_truth(name):
     recipe = load_recipe(
         name, {"views": 3, "batch": 8, "patch_px": 24, "steps": 100, "textureless_weight": 0.2}
     )
-    batch = batches_of(recipe)(0)
+    batch = batches_of(recipe, [0])[0](0)
     assert batch.stacks.shape == (8, 4, 3, 46, 46)
     assert batch.disparity.shape == batch.weight.shape == (8, 1, 24, 24)
     assert all(torch.equal(batch.stacks[:, 0, 1], batch.stacks[:, s, 1]) for s in range(4))
@@ -157,13 +158,13 @@ def test_every_augmentation_of_a_recipe_reaches_its_batches(monkeypatch):
             return apply(self, patch, choice)
 
         monkeypatch.setattr(kind, "apply", note)
-    batches_of(recipe)(0)
+    batches_of(recipe, [0])[0](0)
     assert applied == set(recipe.augmentations)
 
 
 def test_the_largest_scale_fits_what_is_rendered():
     recipe = load_recipe("paper-wide", OURS)
-    batch = batches_of(recipe)(0)
+    batch = batches_of(recipe, [0])[0](0)
     assert batch.stacks.shape[-1] == 26
     assert isinstance(recipe, Recipe)
     low, high = recipe.disparity_range_px

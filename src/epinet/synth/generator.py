@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Generator, Tensor
 from torch.nn import functional as F
 
-from epinet.angular import star_positions
+from epinet.angular import CENTRAL_NINE, star_positions
 from epinet.camera import Camera
 from epinet.lightfield import LightField
 from epinet.synth.bank import Bank, draw_bank
@@ -177,7 +177,7 @@ def render_scene(
     clean = _through_lens(g, scenes, offsets, options)
     photos = photographed(g, clean, replace(options.faults, quantise=False))
     disparity, surface = truth(scenes)
-    around = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if truths and (r, c) != (0, 0)]
+    around = [o for o in CENTRAL_NINE if truths and o != (0, 0)]
     others = truth(scenes, around)[0][0].cpu().numpy() if around else ()
     views = np.zeros((n, n, *options.size, 3), np.uint8)
     present = np.zeros((n, n), bool)

@@ -25,6 +25,9 @@ from epinet.train.sources import Folders, Needs, Rendered, Source
 TRIES = 50
 """So many patches are tried for a place of the batch before a rejected one is taken."""
 
+SHARD_STRIDE = 1_000_003
+"""Distance of the seeds of the scenes that a run's shards render."""
+
 CONTRAST_MARGIN_PX = WINDOW_PX // 2
 
 
@@ -179,9 +182,9 @@ def textured(centre: Tensor, threshold: float) -> Tensor:
 
 
 def batches_of(
-    recipe: Recipe, shard: int = 0, *, textures: Path | None = None, device: str = "cpu"
-) -> Batches:
-    """The batches of one shard of a recipe.
+    recipe: Recipe, shards: Sequence[int], *, textures: Path | None = None, device: str = "cpu"
+) -> list[Batches]:
+    """The batches of some shards of a recipe; scenes on disk are read once for all of them.
 
     Raises:
         InputError: scenes of the recipe that cannot be used.
@@ -196,37 +199,40 @@ def batches_of(
         textureless_weight=recipe.textureless_weight,
     )
     needs = Needs(recipe.views, recipe.shifted)
-    sources: list[tuple[Source, float]] = []
+    side = cut.side_px * max(recipe.scales)
+
     problems = Problems()
-    for data in recipe.data:
+    on_disk: dict[Path, Folders] = {}
+    for folder in recipe.folders:
         with problems.gather():
-            sources.append((_source(recipe, data, cut, needs, shard, textures, device), data.share))
+            scenes = find_light_fields([folder])
+            on_disk[folder] = Folders(scenes, needs, side_px=side, device=device)
     problems.raise_any()
-    return Batches(cut, sources, recipe.chosen_augmentations(), recipe.seed, shard)
 
+    def source(data: Data, shard: int) -> Source:
+        if data.folder is not None:
+            return on_disk[data.folder]
+        assert data.generator is not None
+        return Rendered(
+            Options(disparity_px=RANGES_PX[data.generator]),
+            needs,
+            seed=recipe.seed + SHARD_STRIDE * shard,
+            count=cut.batch,
+            side_px=side,
+            reach=recipe.reach,
+            gray=GrayWeights.name not in recipe.augmentations,
+            textures=textures,
+            device=device,
+        )
 
-def _source(
-    recipe: Recipe,
-    data: Data,
-    cut: Cut,
-    needs: Needs,
-    shard: int,
-    textures: Path | None,
-    device: str,
-) -> Source:
-    side = cut.side_px * recipe.largest_scale
-    if data.folder is not None:
-        return Folders(find_light_fields([data.folder]), needs, side_px=side, device=device)
-    assert data.generator is not None
-    return Rendered(
-        Options(disparity_px=RANGES_PX[data.generator]),
-        needs,
-        seed=recipe.seed,
-        count=cut.batch,
-        side_px=side,
-        shard=shard,
-        reach=recipe.reach,
-        gray=GrayWeights.name not in recipe.augmentations,
-        textures=textures,
-        device=device,
-    )
+    augmentations = recipe.chosen_augmentations()
+    return [
+        Batches(
+            cut,
+            [(source(data, shard), data.share) for data in recipe.data],
+            augmentations,
+            recipe.seed,
+            shard,
+        )
+        for shard in shards
+    ]

@@ -36,7 +36,7 @@ class _Model(BaseModel):
 class Data(_Model):
     """One source of scenes: the generator, or a folder."""
 
-    generator: Annotated[str, Field(pattern="^(narrow|hci|wide)$")] | None = None
+    generator: Annotated[str, Field(pattern=f"^({'|'.join(RANGES_PX)})$")] | None = None
     """Scenes of this range of disparities, rendered as they are needed."""
     folder: Path | None = None
     """A scene with truth, or a folder of scenes."""
@@ -150,17 +150,11 @@ class Recipe(_Model):
         return [d.folder for d in self.data if d.folder is not None]
 
     @property
-    def largest_scale(self) -> int:
-        """Largest N of the augmentation `scale`."""
+    def scales(self) -> list[int]:
+        """Every N that the augmentation `scale` takes."""
         if Scale.name not in self.augmentations:
-            return 1
-        return max(n for n, weight in enumerate(self.scale_weights, 1) if weight)
-
-    @property
-    def smallest_scale(self) -> int:
-        if Scale.name not in self.augmentations:
-            return 1
-        return min(n for n, weight in enumerate(self.scale_weights, 1) if weight)
+            return [1]
+        return [n for n, weight in enumerate(self.scale_weights, 1) if weight]
 
     def rate(self, step: int) -> float:
         """Learning rate at a step: linear warm-up, then the decay."""
@@ -188,7 +182,7 @@ class Recipe(_Model):
             return None
         bounds = [RANGES_PX[name] for name in names]
         low, high = min(b[0] for b in bounds), max(b[1] for b in bounds)
-        return low / self.smallest_scale, high / self.smallest_scale
+        return low / min(self.scales), high / min(self.scales)
 
     def as_dict(self) -> dict[str, Any]:
         return self.model_dump(mode="json")

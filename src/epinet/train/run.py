@@ -15,17 +15,13 @@ import copy
 import io
 import json
 import math
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
 from functools import cached_property
 from pathlib import Path
 from pickle import UnpicklingError
-from types import FrameType
 from typing import Any, cast
 
 import torch
@@ -42,6 +38,7 @@ from epinet.model.normed import add_norms, calibrate_norms, without_norms
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
 from epinet.train.batches import Batch, batches_of
+from epinet.train.interruption import interruption
 from epinet.train.log import Log
 from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
@@ -118,10 +115,8 @@ class Run:
                 f"{start.source}: weights of {start.net.config.views} views are no start for "
                 f"{recipe.views}; the other way round they are"
             )
-        self.batches = [
-            batches_of(recipe, shard, textures=textures, device=str(self.device))
-            for shard in range(team.rank, recipe.shards, team.size)
-        ]
+        mine = range(team.rank, recipe.shards, team.size)
+        self.batches = batches_of(recipe, mine, textures=textures, device=str(self.device))
         check_writable(folder)
         torch.manual_seed(recipe.seed)
         self.net = Epinet(recipe.network)
@@ -147,16 +142,14 @@ class Run:
         if start is not None:
             begun = with_fewer_views(start.net, self.recipe.views)
             self.net.load_state_dict(begun.state_dict())
-            if self.recipe.norms:
-                add_norms(self.net)
-                calibrate_norms(self.net, self.batches[0](0).stacks.cpu())
-            return
-        if self.recipe.start == "differences":
+        elif self.recipe.start == "differences":
             start_on_differences(self.net)
         else:
             start_as_keras(self.net)
         if self.recipe.norms:
             add_norms(self.net)
+            if start is not None:
+                calibrate_norms(self.net, self.batches[0](0).stacks.cpu())
 
     def _average(self, average: Tensor, new: Tensor, updates: Tensor | int) -> Tensor:
         decay = min(self.recipe.averaging, (1 + int(updates)) / (10 + int(updates)))
@@ -238,27 +231,27 @@ class Run:
             DivergedError: the loss is not finite; the last checkpoint is from before.
         """
         if not self.team.leads:
-            with _interruption() as interrupted:
+            with interruption() as interrupted:
                 while self.step < self.recipe.steps:
                     self._train_step(interrupted())
             return
         with atomic_path(self.folder / "recipe.yaml") as temporary:
             temporary.write_text(yaml.safe_dump(self.recipe.as_dict(), sort_keys=False))
-        with Log(self.folder, self.step) as log, _interruption() as interrupted:
+        with Log(self.folder, self.step) as log, interruption() as interrupted:
             self._lead(log, interrupted, save_every_s)
 
     def _lead(self, log: Log, interrupted: Callable[[], bool], save_every_s: float) -> None:
-        clock = _Clock()
         saved = said = time.monotonic()
-        begun = self.step
+        begun, seconds_before = self.step, self.seconds
         while self.step < self.recipe.steps:
+            step_begun = time.monotonic()
             try:
                 self._train_step(interrupted())
             except StoppedError as stop:
                 if stop.resumable:
                     self.save()
                 raise
-            self.seconds += clock.lap()
+            self.seconds += time.monotonic() - step_begun
             done = self.step == self.recipe.steps
             if self.step % LOG_EVERY == 0:
                 recent = self.losses[-LOG_EVERY:]
@@ -271,9 +264,8 @@ class Run:
                 self.save()
                 saved = now
             if now - said > SAY_EVERY_S and self.losses:
-                self._say_progress(begun, clock.total)
+                self._say_progress((self.step - begun) / (self.seconds - seconds_before))
                 said = now
-            clock.skip()
 
     def _train_step(self, stop: bool = False) -> None:
         """One step of all processes; any of them can stop all of them after it."""
@@ -340,7 +332,7 @@ class Run:
     def _validate(self, log: Log) -> None:
         weights = self.weights()
         pictures = self.folder / "validation"
-        scores, _ = self.validation.score(
+        scores = self.validation.score(
             weights, self.device, bf16=self.recipe.bf16, pictures=pictures
         )
         entry = {
@@ -391,51 +383,10 @@ class Run:
             norm.momentum = momentum
         return Weights(without_norms(net.eval()), self.metadata(), str(self.folder))
 
-    def _say_progress(self, begun: int, seconds: float) -> None:
-        rate = (self.step - begun) / max(seconds, 1e-9)
-        left = timedelta(seconds=round((self.recipe.steps - self.step) / rate))
+    def _say_progress(self, steps_per_s: float) -> None:
+        left = timedelta(seconds=round((self.recipe.steps - self.step) / steps_per_s))
         loss = sum(self.losses) / len(self.losses)
         self.say(
-            f"step {self.step} of {self.recipe.steps}, loss {loss:.4f}, {rate:.2f} steps/s, "
+            f"step {self.step} of {self.recipe.steps}, loss {loss:.4f}, {steps_per_s:.2f} steps/s, "
             f"{left} left"
         )
-
-
-class _Clock:
-    """Time that went into training steps."""
-
-    def __init__(self) -> None:
-        self.total = 0.0
-        self._last = time.monotonic()
-
-    def lap(self) -> float:
-        """Seconds since the last call of anything."""
-        passed = -self._last + (now := time.monotonic())
-        self.total, self._last = self.total + passed, now
-        return passed
-
-    def skip(self) -> None:
-        """Leave out what passed since the last call."""
-        self._last = time.monotonic()
-
-
-@contextmanager
-def _interruption() -> Iterator[Callable[[], bool]]:
-    """Tells whether Ctrl-C or SIGTERM came; a second one ends the program at once."""
-    came = False
-
-    def note(number: int, frame: FrameType | None) -> None:
-        nonlocal came
-        if came:
-            raise KeyboardInterrupt
-        came = True
-
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
-    before = {s: signal.signal(s, note) for s in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Generator
 
+from epinet.angular import CENTRAL_NINE
 from epinet.errors import InputError
 from epinet.io import read_light_field
 from epinet.io.hci import read_view_truths
@@ -44,7 +45,7 @@ class Needs:
     def truths(self) -> tuple[Offset, ...]:
         if not self.shifted:
             return ((0, 0),)
-        return tuple((row, col) for row in (-1, 0, 1) for col in (-1, 0, 1))
+        return CENTRAL_NINE
 
     @property
     def offsets(self) -> tuple[Offset, ...]:
@@ -56,10 +57,6 @@ class Needs:
     def grid(self) -> int:
         """Views per row and column of the scenes."""
         return self.views + 2 * self.shifted
-
-
-SHARD_STRIDE = 1_000_003
-"""Distance of the seeds of a run's shards."""
 
 
 class Source(Protocol):
@@ -77,7 +74,7 @@ class Rendered:
     Args:
         options: of the scenes; their size is chosen here.
         needs: which views and truths.
-        seed: of the scenes; `shard` numbers independent streams of one seed.
+        seed: of the scenes.
         count: scenes per pool: one for each place of a batch.
         side_px: largest patch asked for.
         reach: share of the disparity range to use from a step on; asked where a pool begins.
@@ -92,7 +89,6 @@ class Rendered:
         seed: int,
         count: int,
         side_px: int,
-        shard: int = 0,
         reach: Callable[[int], float] = lambda step: 1.0,
         gray: bool = True,
         textures: Path | None = None,
@@ -100,7 +96,7 @@ class Rendered:
     ) -> None:
         side = side_px + CROP_FREEDOM_PX
         self.options = replace(options, size=(side, side), views=needs.grid)
-        self.needs, self.seed, self.shard, self.count = needs, seed, shard, count
+        self.needs, self.seed, self.count = needs, seed, count
         self.reach, self.gray, self.textures, self.device = reach, gray, textures, device
         self._slots: dict[int, tuple[int, Pool]] = {}
 
@@ -123,7 +119,7 @@ class Rendered:
             low, high = (share * bound for bound in self.options.disparity_px)
             made = pools(
                 replace(self.options, disparity_px=(low, high)),
-                self.seed + SHARD_STRIDE * self.shard,
+                self.seed,
                 self.count,
                 first=k,
                 offsets=self.needs.offsets,

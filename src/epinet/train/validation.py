@@ -76,7 +76,7 @@ class Validation:
 
     def score(
         self, weights: Weights, device: torch.device, *, bf16: bool, pictures: Path | None = None
-    ) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    ) -> dict[str, float]:
         """Scores of a network, inside the benchmark's border.
 
         Args:
@@ -86,19 +86,17 @@ class Validation:
             pictures: a folder to write previews of the first scenes to.
 
         Returns:
-            The mean over the scenes, and the scores of each.
+            The mean over the scenes.
         """
         estimator = Estimator(weights, str(device))
-        each: dict[str, dict[str, float]] = {}
+        each = []
         for k, (name, lf) in enumerate(self.scenes.items()):
             with torch.autocast(device.type, dtype=torch.bfloat16, enabled=bf16):
                 result = estimator.predict(lf)
             if result.scores is None:
                 raise InputError(f"{name}: no pixel with truth inside the border of 15 px")
-            each[name] = result.scores
+            each.append(result.scores)
             if pictures is not None and k < PICTURES:
                 pictures.mkdir(parents=True, exist_ok=True)
                 save_preview(pictures / f"{name}.png", result)
-        keys = next(iter(each.values()))
-        mean = {key: sum(scores[key] for scores in each.values()) / len(each) for key in keys}
-        return mean, each
+        return {key: sum(scores[key] for scores in each) / len(each) for key in each[0]}
