@@ -48,7 +48,9 @@ TransposeOption = Annotated[
 ]
 WeightsOption = Annotated[
     Path | None,
-    typer.Option(help="Weights: a file, or shipped ones by name (epinet weights); default: 9x9."),
+    typer.Option(
+        help="Weights: a file, or shipped ones by name (epinet weights); default: those that fit."
+    ),
 ]
 DeviceOption = Annotated[
     str | None, typer.Option(help="cpu, cuda, cuda:1, ...; default: the GPU if there is one.")

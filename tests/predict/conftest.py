@@ -15,4 +15,4 @@ def estimator() -> Estimator:
     net = Epinet(EpinetConfig(views=5, stream_width=6)).eval()
     start_on_differences(net)
     torch.nn.init.kaiming_normal_(net.head[-1].weight)
-    return Estimator(Weights(net, {"disparity_range_px": [-4, 4]}, "random", "0"), "cpu")
+    return Estimator(Weights(net, {"disparity_range_px": [-4, 4]}, "random", "0"), device="cpu")

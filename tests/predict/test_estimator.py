@@ -7,8 +7,10 @@ import torch
 from epinet.angular import SYMMETRIES
 from epinet.errors import InputError
 from epinet.lightfield import LightField
+from epinet.model.checkpoint import Weights
+from epinet.model.network import Epinet, EpinetConfig
 from epinet.predict.confidence import photo_consistency
-from epinet.predict.estimator import enlarge, shrink
+from epinet.predict.estimator import Estimator, enlarge, shrink
 from epinet.predict.tiling import even_tiles, pad_views, run_tiled, tile_side_px
 from epinet.synth.generator import render_scene
 from epinet.synth.options import Faults, Options
@@ -25,6 +27,9 @@ def scene() -> LightField:
         textureless=0,
         reflective=0,
         highlights=0,
+        surfaces=(2, 4),
+        thin=0,
+        clutter=0,
         faults=Faults.none(),
     )
     lf = render_scene(options, 11, 0)
@@ -46,7 +51,7 @@ def test_the_map_has_the_size_of_the_views_and_equals_the_network_inside(estimat
     assert result.disparity.shape == result.confidence.shape == (40, 53)
     stacks = torch.from_numpy(scene.stacks(5))[None]
     with torch.no_grad():
-        inner = estimator.net(stacks)[0, 0].numpy()
+        inner = estimator.weights[0].net(stacks)[0, 0].numpy()
     np.testing.assert_allclose(result.disparity[11:-11, 11:-11], inner, atol=1e-5)
     assert np.std(inner) > 1e-2
 
@@ -54,9 +59,9 @@ def test_the_map_has_the_size_of_the_views_and_equals_the_network_inside(estimat
 @pytest.mark.parametrize("side", [11, 27, 52])
 def test_tiled_equals_untiled(estimator, scene, side):
     stacks = torch.from_numpy(scene.stacks(5))
-    whole = run_tiled(estimator.net, stacks, 1000)
+    whole = run_tiled(estimator.weights[0].net, stacks, 1000)
     shares: list[float] = []
-    tiled = run_tiled(estimator.net, stacks, side, shares.append)
+    tiled = run_tiled(estimator.weights[0].net, stacks, side, shares.append)
     np.testing.assert_allclose(tiled, whole, atol=1e-5)
     assert sum(shares) == pytest.approx(1)
     assert len(shares) == len(even_tiles(40, side)) * len(even_tiles(53, side))
@@ -71,7 +76,7 @@ def test_tiles_cover_a_length_once_and_stay_below_the_bound():
 
 
 def test_more_memory_allows_larger_tiles(estimator):
-    sides = [tile_side_px(estimator.net, mb) for mb in (1, 10, 1000)]
+    sides = [tile_side_px(estimator.weights[0].net, mb) for mb in (1, 10, 1000)]
     assert sides == sorted(sides)
     assert sides[0] < sides[-1]
 
@@ -162,11 +167,11 @@ def test_the_central_views_of_a_larger_grid_are_used(estimator, scene):
 def test_warnings_for_views_that_disagree_and_disparities_out_of_range(estimator):
     noise = np.random.default_rng(0).random((5, 5, 30, 30, 1), dtype=np.float32)
     assert any("disagree" in w for w in estimator.predict(LightField(noise)).warnings)
-    estimator.net.head[-1].bias.data += 50
+    estimator.weights[0].net.head[-1].bias.data += 50
     try:
         warnings = estimator.predict(LightField(noise)).warnings
     finally:
-        estimator.net.head[-1].bias.data -= 50
+        estimator.weights[0].net.head[-1].bias.data -= 50
     assert any("exceed the -4..4 px" in w for w in warnings)
 
 
@@ -186,3 +191,26 @@ def test_impossible_settings_are_refused(estimator, scene, settings, message):
 def test_too_few_views_are_refused(estimator):
     with pytest.raises(InputError, match=r"has 3x3 views, the weights random need 5x5"):
         estimator.predict(LightField(np.zeros((3, 3, 30, 30, 1), np.uint8)))
+
+
+def _constant(views: int, disparity: float) -> Weights:
+    net = Epinet(EpinetConfig(views=views, stream_width=4)).eval()
+    torch.nn.init.zeros_(net.head[-1].weight)
+    torch.nn.init.constant_(net.head[-1].bias, disparity)
+    return Weights(net, {}, f"constant {disparity}")
+
+
+def test_a_light_field_is_shown_to_the_network_of_most_views_that_it_has():
+    several = Estimator(_constant(3, 0.3), _constant(7, 0.7), _constant(5, 0.5), device="cpu")
+    views = np.random.default_rng(0).random((9, 9, 30, 30, 1), dtype=np.float32)
+
+    def chosen(lf: LightField, step: int = 1) -> float:
+        return float(several.predict(lf, step=step).disparity.mean())
+
+    assert chosen(LightField(views)) == pytest.approx(0.7)
+    assert chosen(LightField(views[:6, :6])) == pytest.approx(0.5)
+    assert chosen(LightField(views[:4, :9])) == pytest.approx(0.3)
+    assert chosen(LightField(views), step=2) == pytest.approx(0.5)
+    present = np.ones((9, 9), bool)
+    present[1, 1] = False  # a corner of the 7x7 star
+    assert chosen(LightField(views, present=present)) == pytest.approx(0.5)

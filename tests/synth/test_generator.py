@@ -69,7 +69,7 @@ def residuals(options, seed, index, shift_px=0.0):
             camera_faults.draw_misalignment(g, 1, len(STAR), options.faults),
         )
         views = camera_faults.blurred(g, render(scenes, STAR, pool_lens), options.faults)
-        views = camera_faults.photographed(g, views, options.faults)
+        views = camera_faults.photographed(g, views, options.faults).views
     disparity, surface = truth(scenes)
     smooth = ~(F.max_pool2d(discontinuities(surface.float(), surface).float(), 5, 1, 2) > 0)
     seen = visible(scenes, STAR, disparity)
@@ -216,7 +216,8 @@ def test_strengths_of_zero_leave_the_views_alone():
     g = torch.Generator().manual_seed(0)
     assert torch.equal(camera_faults.blurred(g, views, Faults.none()), views)
     photos = camera_faults.photographed(g, views, Faults.none())
-    torch.testing.assert_close(photos, views)
+    torch.testing.assert_close(photos.views, views)
+    assert not photos.deviation.any()
     assert not camera_faults.draw_misalignment(g, 4, 9, Faults.none()).any()
     assert not camera_faults.draw_lens_radius(g, 4, Faults.none()).any()
 
@@ -227,8 +228,9 @@ def test_full_strength_reaches_every_scene_and_seldom_else():
     spread = {}
     for full in (True, False):
         faults = replace(Faults.none(), noise=1.0, full=full)
-        photos = camera_faults.photographed(generator(8), gray, faults)
+        photos, deviation = camera_faults.photographed(generator(8), gray, faults)
         spread[full] = photos.flatten(1).std(1)
+        torch.testing.assert_close(spread[full], deviation.flatten(1).mean(1), rtol=0.1, atol=1e-5)
     expected = camera_faults.NOISE * math.sqrt(0.5)
     assert (spread[True] > 0.9 * expected).all() and (spread[True] < 1.5 * expected).all()
     assert (spread[False] < 0.3 * expected).float().mean() > 0.5

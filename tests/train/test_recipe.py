@@ -31,7 +31,7 @@ def test_the_papers_recipe_is_the_papers():
     assert recipe.rate(0) == pytest.approx(1e-5)
     assert recipe.rate(recipe.steps) == pytest.approx(1e-6)
     assert recipe.texture_threshold == 0.02
-    assert recipe.textureless_weight is None
+    assert recipe.least_weight is None
     assert not recipe.local_contrast
     assert load_recipe("paper-7x7").shifted
     assert load_recipe("paper-5x5").shifted  # the reference code's 5-view run has no shift

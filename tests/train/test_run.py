@@ -222,6 +222,23 @@ def test_statistics_are_means_over_the_last_batches(tmp_path, run):
     assert torch.allclose(norm.running_var, torch.stack(variances).mean(0), rtol=1e-3)
 
 
+def test_fixed_norms_keep_their_statistics_and_what_is_trained_is_what_is_used(tmp_path, run):
+    recipe = load_recipe("fast-9x9", CHANGES | {"fixed_norms_from": 0.5, "averaging": 0.0})
+    fixed = run(tmp_path / "run", recipe)
+    seen = []
+    while fixed.step < 12:
+        fixed._train_step()
+        seen.append(fixed.net.state_dict()["head.0.norm.running_mean"].clone())
+    assert not torch.equal(seen[4], seen[5])
+    assert all(torch.equal(s, seen[5]) for s in seen[6:])
+    stacks = fixed.batches[0](12).stacks
+    fixed._set_modes()
+    with torch.no_grad():
+        trained = fixed.net(stacks)
+        used = fixed.weights().net(stacks)
+    torch.testing.assert_close(used, trained, atol=1e-4, rtol=1e-4)
+
+
 @pytest.mark.parametrize("scale", [None, 0.2])
 def test_the_loss_follows_its_definition(tmp_path, run, scale):
     recipe = TINY.model_copy(update={"loss_scale_px": scale, "bf16": False})

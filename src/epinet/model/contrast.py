@@ -23,10 +23,15 @@ def local_contrast(views: Tensor) -> Tensor:
     Every view is normalised by itself, so a surface looks alike in all views that see it.
     """
     images = views.reshape(-1, 1, *views.shape[-2:])
+    mean, unit = _box(images), contrast_unit(images)
+    return (MEAN + (images - mean) / unit).view(views.shape)
+
+
+def contrast_unit(images: Tensor) -> Tensor:
+    """What is 1 in the local contrast of images (N, 1, H, W), in their own units."""
     mean = _box(images)
     variance = (_box(images * images) - mean * mean).clamp_min(0)
-    normal = (images - mean) / (variance + FLOOR**2).sqrt()
-    return (MEAN + DEVIATION * normal).view(views.shape)
+    return (variance + FLOOR**2).sqrt() / DEVIATION
 
 
 def _box(images: Tensor) -> Tensor:

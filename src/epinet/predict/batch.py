@@ -179,7 +179,7 @@ def _request(
         "input": str(path.resolve()),
         "reading": asdict(reading),
         "options": asdict(options),
-        "weights_sha256": estimator.weights.sha256,
+        "weights_sha256": estimator.sha256,
     }
 
 

@@ -75,7 +75,7 @@ def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scene
     focal_px = dice.log_uniform(700, 2500, count) * (longest / WORLD_PX)
     low, high = options.disparity_px
     # The farthest disparity stays before infinity, which lies at -focal_px / depth_px.
-    depth_px = focal_px / (max(0.0, -low) + 0.5) * dice.log_uniform(0.1, 0.95, count)
+    depth_px = focal_px / (max(0.0, -low) + 0.5) * dice.log_uniform(0.05, 0.7, count)
     depth_px = depth_px.clamp_max(40 * longest / (high - low))
     place = _draw_place(dice, count, options, depth_px[:, None])
     busy = dice.chance(options.clutter, count)
@@ -86,10 +86,10 @@ def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scene
     kind = dice.uniform(0, 1, count, most)
     there = torch.arange(most) < number[:, None]
     clutter = busy[:, None] & (torch.arange(3 * most) < dice.integers(most, 3 * most, count, 1))
-    cutouts = torch.cat([there & (kind < 0.5), clutter], 1)
+    cutouts = torch.cat([there & (kind < 0.45), clutter], 1)
     planes = _draw_planes(dice, options, place, cutouts, first_small=most)
-    quadrics = _draw_quadrics(dice, place, there & (kind >= 0.5) & (kind < 0.8))
-    boxes = _draw_boxes(dice, place, there & (kind >= 0.8))
+    quadrics = _draw_quadrics(dice, place, there & (kind >= 0.45) & (kind < 0.78))
+    boxes = _draw_boxes(dice, place, there & (kind >= 0.78))
     reliefs = _draw_reliefs(dice, place)
     light = _draw_light(dice, count, depth_px, focal_px, len(bank.shades))
     materials = _draw_materials(dice, options, light, planes, quadrics, reliefs, boxes)
@@ -100,7 +100,7 @@ def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scene
 def _draw_place(dice: Dice, count: int, options: Options, depth_px: Tensor) -> Place:
     least, most = options.disparity_px
     height, width = world = max(options.size[0], WORLD_PX), max(options.size[1], WORLD_PX)
-    share = torch.where(dice.chance(0.5, count, 1), 1.0, dice.log_uniform(0.1, 1, count, 1))
+    share = torch.where(dice.chance(0.6, count, 1), 1.0, dice.log_uniform(0.1, 1, count, 1))
     span = (most - least) * share
     low = least + (most - least - span) * dice.uniform(0, 1, count, 1)
     # A plane is set by its disparity at the image's centre and its gain from edge to edge: floors
@@ -108,19 +108,24 @@ def _draw_place(dice: Dice, count: int, options: Options, depth_px: Tensor) -> P
     angle = dice.uniform(0, 2 * math.pi, count, BACKGROUNDS)
     upright = dice.chance(0.5, count, BACKGROUNDS)
     angle = torch.where(upright, (angle / (math.pi / 2)).round() * math.pi / 2, angle)
-    gains = 0.9 * span * dice.uniform(0, 1, count, BACKGROUNDS)
-    gains = torch.where(dice.chance(0.2, count, BACKGROUNDS), 0.0, gains)
+    # The first is seen at every place if need be. The others, floors that end at a wall, are
+    # steeper: they go out of sight below it.
+    gains = torch.tensor([0.9, 4.0, 4.0]) * span
+    gains = gains * dice.uniform(0, 1, count, BACKGROUNDS) ** 0.7
+    gains = torch.where(dice.chance(0.12, count, BACKGROUNDS), 0.0, gains)
     gains = gains / (angle.cos().abs() + angle.sin().abs())
     b, c = gains * angle.cos() / width, gains * angle.sin() / height
     steepness = torch.hypot(b, c).clamp_min(1e-9)
     b, c = (t * (STEEPEST / steepness).clamp_max(1) for t in (b, c))
     reach = 0.5 * (b.abs() * width + c.abs() * height)
-    room = (0.95 * span - 2 * reach).clamp_min(0)
-    a = low + reach + room * dice.uniform(0, 1, count, BACKGROUNDS) ** 2
+    lowest = low + 2 * reach[:, :1]
+    top = lowest + (low + 0.95 * span - lowest).clamp_min(0) * dice.uniform(0, 1, count, 1) ** 2
+    tops = low + span * dice.uniform(0.5, 1, count, BACKGROUNDS - 1)
+    a = torch.cat([top, tops], 1) - reach
     # The window is anywhere in the world, for all planes the same.
     for slope, whole, part in ((b, width, options.size[1]), (c, height, options.size[0])):
         a = a + slope * (whole - part) * dice.uniform(-0.5, 0.5, count, 1)
-    number = dice.integers(1, BACKGROUNDS, count, 1)
+    number = dice.integers(1, BACKGROUNDS + 1, count, 1)
     exists = torch.arange(BACKGROUNDS) < number
     planes = torch.stack([a, b, c], -1)
     return Place(low, low + span, depth_px, world, options.size, planes, exists)
@@ -141,11 +146,15 @@ def _positions(dice: Dice, place: Place, reach: Tensor) -> tuple[Tensor, Tensor,
         share = share * spread / (1.1 * whole)
     x, y = middle
     there = dice.uniform(0, 1, count, number) < share
-    behind = place.behind(x, y)
+    inside = (
+        t.clamp(-0.5 * part, 0.5 * part) for t, part in zip((x, y), place.size[::-1], strict=True)
+    )
+    behind = place.behind(*inside)
     span = (place.high - place.low).expand(count, number)
     small = dice.log_uniform(0.01, 1, count, number) * span
     anywhere = dice.uniform(0, 1, count, number) * (place.high - behind).clamp_min(0)
-    step = torch.where(dice.chance(0.5, count, number), small, anywhere)
+    fits = behind + small < place.high
+    step = torch.where(dice.chance(0.5, count, number) & fits, small, anywhere)
     return x, y, torch.minimum(behind + step, place.high), there
 
 
@@ -173,6 +182,7 @@ def _draw_planes(
     stretch = dice.log_uniform(0.6, 1.6, count, number)
     x, y, d, there = _positions(dice, place, torch.where(repeats, longest, 0.5 * side))
     exists = exists & there
+    d, slopes, side = _leaning(dice, place, d, side, repeats)
     angle = dice.uniform(0, 2 * math.pi, count, number)
     upright = dice.chance(0.4, count, number)  # many things in the world are
     angle = torch.where(upright, (angle / (math.pi / 2)).round() * math.pi / 2, angle)
@@ -180,7 +190,6 @@ def _draw_planes(
     across = torch.stack([-angle.sin(), angle.cos()], -1) / (side / stretch)[..., None]
     linear = torch.stack([along, across], -2) * SILHOUETTE_SIDE
     at_0 = SILHOUETTE_SIDE / 2 - (linear @ torch.stack([x, y], -1)[..., None])[..., 0]
-    slopes = _slopes(dice, place, (place.high - d).clamp_min(0), side, repeats, longest)
     a = d - slopes[..., 0] * x - slopes[..., 1] * y
     half = 0.5 * side * math.sqrt(2) * 1.6
     half = torch.where(repeats, math.inf, half)
@@ -200,20 +209,31 @@ def _draw_planes(
     )
 
 
-def _slopes(
-    dice: Dice, place: Place, room: Tensor, side: Tensor, endless: Tensor, longest: int
-) -> Tensor:
-    """(B, O, 2) slopes b, c: a quarter frontal, the rest turned by up to 80 degrees."""
+def _leaning(
+    dice: Dice, place: Place, d: Tensor, side: Tensor, endless: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Middles (B, O), slopes (B, O, 2) and sides (B, O): some frontal, others turned up to 80 deg.
+
+    What leans forward beyond the range's end is set back, so that it rises out of what is behind
+    it, or made smaller. Patterns without an end lean less.
+    """
     count, number = side.shape
-    turn = dice.uniform(0, math.radians(80), count, number)
-    steepness = torch.where(dice.chance(0.25, count, number), 0.0, turn.tan() / place.depth_px)
-    # Near the range's end there is little room to lean forward: 0.86 sides is half the diagonal of
-    # the most stretched tile, 1.5 pictures the way to the farthest corner.
-    extent = torch.where(endless, math.inf, 0.86 * side).clamp_max(1.5 * longest)
-    most = ((room + 0.02) / extent).clamp_max(STEEPEST)
-    steepness = torch.minimum(steepness, most)
+    longest = max(place.world)
+    turn = math.radians(80) * dice.uniform(0, 1, count, number) ** 0.6
+    steepness = torch.where(dice.chance(0.15, count, number), 0.0, turn.tan() / place.depth_px)
+    steepness = steepness.clamp_max(STEEPEST)
+    # 0.86 sides is half the diagonal of the most stretched tile, 1.5 pictures the way to the
+    # farthest corner.
+    set_back = (place.high - 0.86 * side * steepness).maximum(place.low)
+    moved = dice.chance(0.6, count, number) & ~endless
+    d = torch.where(moved, torch.minimum(d, set_back), d)
+    room = (place.high - d).clamp_min(0) + 0.02
+    fitting = (room / (0.86 * steepness).clamp_min(1e-9)).clamp_min(12)
+    side = torch.where(endless, side, torch.minimum(side, fitting))
+    extent = torch.where(endless, 1.5 * longest, 0.86 * side)
+    steepness = torch.minimum(steepness, room / extent)
     angle = dice.uniform(0, 2 * math.pi, count, number)
-    return steepness[..., None] * torch.stack([angle.cos(), angle.sin()], -1)
+    return d, steepness[..., None] * torch.stack([angle.cos(), angle.sin()], -1), side
 
 
 QUADRICS = {
@@ -233,7 +253,7 @@ def _draw_quadrics(dice: Dice, place: Place, exists: Tensor) -> Quadrics:
     weights = torch.tensor(list(QUADRICS.values()))
     chosen = torch.multinomial(weights, count * number, replacement=True, generator=dice.g)
     chosen = chosen.view(count, number)
-    radius = dice.log_uniform(3, 0.35 * longest, count, number)
+    radius = dice.log_uniform(4, 0.45 * longest, count, number)
     rod = (chosen == 1) & dice.chance(0.4, count, number)
     radius = torch.where(rod, dice.log_uniform(0.5, 5, count, number), radius)
     flatness = dice.log_uniform(0.6, 1, count, number)
@@ -249,7 +269,7 @@ def _draw_quadrics(dice: Dice, place: Place, exists: Tensor) -> Quadrics:
 
 def _draw_boxes(dice: Dice, place: Place, exists: Tensor) -> Boxes:
     count, number = exists.shape
-    radius = dice.log_uniform(3, 0.3 * max(place.world), count, number, 1)
+    radius = dice.log_uniform(4, 0.4 * max(place.world), count, number, 1)
     radii = radius * dice.log_uniform(0.3, 1, count, number, 3)
     centre, matrix, bounds, there = _solids(dice, place, radii)
     return Boxes(exists & there, bounds, centre, matrix)
@@ -290,7 +310,7 @@ def _extent(matrix: Tensor) -> Tensor:
 
 def _draw_reliefs(dice: Dice, place: Place) -> Reliefs:
     count = len(place.low)
-    exists = dice.chance(0.25, count, 1)
+    exists = dice.chance(0.5, count, 1)
     wavelength = dice.log_uniform(12, 1.5 * max(place.world), count, 1, WAVES)
     base = place.background[:, :1]
     steepest = dice.log_uniform(0.3, 6, count, 1) / place.depth_px
@@ -307,7 +327,7 @@ def _draw_reliefs(dice: Dice, place: Place) -> Reliefs:
     phase = dice.uniform(0, 2 * math.pi, count, 1, WAVES)
     waves = torch.stack([amplitude, frequency * angle.cos(), frequency * angle.sin(), phase], -1)
     coefficients = base.clone()
-    coefficients[..., 0] -= amplitude.sum(-1) * dice.uniform(0, 1, count, 1)
+    coefficients[..., 0] -= amplitude.sum(-1) * dice.uniform(0, 0.4, count, 1)
     endless = torch.tensor([-math.inf, math.inf, -math.inf, math.inf, 0.0])
     return Reliefs(exists, endless.expand(count, 1, 5), coefficients, waves)
 

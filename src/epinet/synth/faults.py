@@ -8,6 +8,7 @@ less, and 0 turns a fault off exactly.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import torch
 from torch import Generator, Tensor
@@ -27,6 +28,22 @@ MISALIGNED_PX = 0.06
 
 NOISE = 0.03
 """Largest standard deviation of noise on white, at strength 1."""
+
+
+DARKEST = 0.04
+"""Least exposure of scenes taken in the dark, at strength 1."""
+
+ROUNDING = 1 / 255 / math.sqrt(12)
+"""Standard deviation of what rounding to 8 bits adds."""
+
+
+class Photos(NamedTuple):
+    """What a camera makes of the views."""
+
+    views: Tensor
+    """(B, P, C, H, W) in 0..1."""
+    deviation: Tensor
+    """The same shape: standard deviation of noise and rounding."""
 
 
 def _share(g: Generator, faults: Faults, power: float, *shape: int) -> Tensor:
@@ -66,39 +83,42 @@ def _blur(views: Tensor, sigma: float) -> Tensor:
     return flat.view_as(views)
 
 
-def photographed(g: Generator, views: Tensor, faults: Faults) -> Tensor:
+def photographed(g: Generator, views: Tensor, faults: Faults) -> Photos:
     """Exposure, vignetting, gamma, noise and rounding of clean views.
 
     Args:
         views: (B, P, C, H, W) in 0..1.
-
-    Returns:
-        As `views`, 0..1.
     """
     b, p, c, height, width = views.shape
     device = views.device
     dice = Dice(g)
     one = (b, 1, 1, 1, 1)
     uneven = 0.04 * faults.exposure * _share(g, faults, 4, *one)
-    gain = torch.exp(faults.exposure * dice.uniform(-0.4, 0.4, *one))
+    dark = torch.where(dice.chance(0.35, *one), dice.log_uniform(DARKEST, 1, *one), 1.0)
+    gain = (dark * torch.exp(dice.uniform(-0.4, 0.4, *one))) ** faults.exposure
     gain = gain * (1 + uneven * torch.randn(b, p, 1, 1, 1, generator=g))
     gain = gain * (1 + 0.5 * uneven * torch.randn(b, p, c, 1, 1, generator=g))
     gamma = torch.exp(faults.gamma * dice.uniform(-0.22, 0.22, *one))
     darker = faults.vignetting * 0.3 * _share(g, faults, 3, *one)
     sway = faults.vignetting * dice.uniform(-0.3, 0.3, b, p, 1, 1, 1)
-    noise = NOISE * faults.noise * _share(g, faults, 5, *one)
+    noise = NOISE * faults.noise * _share(g, faults, 7, *one)
     read = dice.uniform(0.1, 0.7, *one)
     key = int(torch.randint(2**31, (), generator=g))
     y, x = (torch.linspace(-1, 1, length).to(device) for length in (height, width))
     radius = (x + sway.to(device)) ** 2 + y[:, None] ** 2
     seen = views * gain.to(device) * (1 - darker.to(device) * radius).clamp_min(0)
     seen = seen.clamp(0, 1) ** gamma.to(device)
+    # Shot noise grows with the light, read noise does not.
+    deviation = noise.to(device) * torch.sqrt(seen + read.to(device) ** 2)
     if faults.noise > 0:
-        # Shot noise grows with the light, read noise does not.
-        spread = noise.to(device) * torch.sqrt(seen + read.to(device) ** 2)
-        seen = seen + spread * hashed_normal(views.shape, key, device)
+        seen = seen + deviation * hashed_normal(views.shape, key, device)
     seen = seen.clamp(0, 1)
-    return torch.round(seen * 255) / 255 if faults.quantise else seen
+    if faults.quantise:
+        seen, deviation = (
+            torch.round(seen * 255) / 255,
+            torch.hypot(deviation, torch.tensor(ROUNDING)),
+        )
+    return Photos(seen, deviation)
 
 
 def hashed_normal(shape: torch.Size, key: int, device: torch.device | str) -> Tensor:

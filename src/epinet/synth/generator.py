@@ -25,7 +25,7 @@ from epinet.synth.photographs import Photographs
 from epinet.synth.render import Lens, Offsets, render, truth, visible
 from epinet.synth.scenes import Scenes
 
-VERSION = "rays-4"
+VERSION = "rays-5"
 """Stored with every weight trained on these scenes; changes when they change."""
 
 SCENES_PER_BANK = 16
@@ -175,7 +175,7 @@ def render_scene(
     positions = star_positions(n) if star_only else [(r, c) for r in range(n) for c in range(n)]
     offsets = [(r - n // 2, c - n // 2) for r, c in positions]
     clean = _through_lens(g, scenes, offsets, options)
-    photos = photographed(g, clean, replace(options.faults, quantise=False))
+    photos = photographed(g, clean, replace(options.faults, quantise=False)).views
     disparity, surface = truth(scenes)
     around = [o for o in CENTRAL_NINE if truths and o != (0, 0)]
     others = truth(scenes, around)[0][0].cpu().numpy() if around else ()

@@ -38,6 +38,8 @@ class Patch:
     """(T, H, W) bool: the truth is known, and can be told from the views: no mirror, no glass."""
     truths: tuple[Offset, ...] = ((0, 0),)
     """Of which views the T truths are."""
+    noise: Tensor | None = None
+    """(H, W) standard deviation of the centre view's noise, where it is known."""
 
     def view(self, offset: Offset) -> Tensor:
         """One view (C, H, W)."""
@@ -58,6 +60,7 @@ class Patch:
             image(self.disparity),
             image(self.usable),
             tuple(offset(o) for o in self.truths),
+            None if self.noise is None else image(self.noise),
         )
 
 
@@ -242,7 +245,8 @@ class CameraFaults:
 
     def apply(self, patch: Patch, choice: int) -> Patch:
         g = Generator().manual_seed(choice)
-        return replace(patch, views=photographed(g, patch.views[None], self.faults)[0])
+        views, deviation = (t[0] for t in photographed(g, patch.views[None], self.faults))
+        return replace(patch, views=views, noise=deviation[patch.offsets.index((0, 0))].mean(0))
 
 
 def _between(g: Generator, low: float, high: float) -> float:

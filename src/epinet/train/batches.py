@@ -13,12 +13,14 @@ from torch.nn import functional as F
 
 from epinet.angular import STREAM_DIRECTIONS_DEG, direction_positions
 from epinet.io.problems import Problems
-from epinet.model.contrast import WINDOW_PX, local_contrast
+from epinet.model.contrast import WINDOW_PX, contrast_unit, local_contrast
 from epinet.model.network import MARGIN_PX
 from epinet.predict.batch import find_light_fields
+from epinet.synth.faults import ROUNDING
 from epinet.synth.generator import generator
 from epinet.synth.options import RANGES_PX, Options
-from epinet.train.augment import Augmentation, GrayWeights, Patch, Scale, gray
+from epinet.train.augment import Augmentation, GrayWeights, Offset, Patch, Scale, gray
+from epinet.train.information import disparity_deviation
 from epinet.train.recipe import Data, Recipe
 from epinet.train.sources import Folders, Needs, Rendered, Source
 
@@ -27,6 +29,9 @@ TRIES = 50
 
 SHARD_STRIDE = 1_000_003
 """Distance of the seeds of the scenes that a run's shards render."""
+
+TOLD_PX = 0.03
+"""Pixels whose disparity the views tell to within this standard deviation count half."""
 
 CONTRAST_MARGIN_PX = WINDOW_PX // 2
 
@@ -40,8 +45,8 @@ class Batch:
     disparity: Tensor
     """(B, 1, P, P) px per adjacent view."""
     weight: Tensor
-    """(B, 1, P, P): 1 where the truth can be told from the views, little where the surroundings
-    have no texture to match, 0 on mirrors and where the truth is unknown."""
+    """(B, 1, P, P): 1 where the truth can be told from the views, less where there is little
+    texture to match for the noise, 0 on mirrors and where the truth is unknown."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +63,10 @@ class Cut:
     """Whether the network sees local contrast; otherwise plain gray."""
     texture_threshold: float
     """Of the paper's textureless rejection, in gray levels of 0..1; see `textured`."""
-    textureless_weight: float | None
-    """What textureless pixels count. None rejects whole patches as the paper does: those whose
-    middle is textureless, and those that touch a mirror."""
+    least_weight: float | None
+    """What pixels count whose disparity the views do not tell; see `information`. None rejects
+    whole patches as the paper does: those whose middle is textureless, and those that touch a
+    mirror."""
 
     @property
     def seen_px(self) -> int:
@@ -75,6 +81,21 @@ class Cut:
     @property
     def margin_px(self) -> int:
         return CONTRAST_MARGIN_PX if self.local_contrast else 0
+
+    @property
+    def inner(self) -> slice:
+        """Where the map lies in a patch as it is cut, in each direction."""
+        return slice(self.margin_px + MARGIN_PX, self.margin_px + MARGIN_PX + self.patch_px)
+
+    @property
+    def offsets(self) -> list[Offset]:
+        """Of the views that the network sees."""
+        half = self.views // 2
+        return [
+            (row - half, col - half)
+            for d in STREAM_DIRECTIONS_DEG[self.streams]
+            for row, col in direction_positions(d, self.views)
+        ]
 
 
 class Batches:
@@ -102,16 +123,16 @@ class Batches:
     def __call__(self, step: int) -> Batch:
         g = generator(self.seed, 3, self.shard, step)
         patches = [self._patch(g, step, place) for place in range(self.cut.batch)]
-        margin = self.cut.margin_px
+        margin, inner = self.cut.margin_px, self.cut.inner
+        weight = self._weight(patches)
         views = torch.stack([self._stacks(patch) for patch, _ in patches])
         if self.cut.local_contrast:
             views = local_contrast(views)[..., margin:-margin, margin:-margin]
-        inner = slice(margin + MARGIN_PX, margin + MARGIN_PX + self.cut.patch_px)
         truths = torch.stack([patch.truth()[0][None, inner, inner] for patch, _ in patches])
-        return Batch(views, truths, torch.stack([weight for _, weight in patches]))
+        return Batch(views, truths, weight)
 
-    def _patch(self, g: Generator, step: int, place: int) -> tuple[Patch, Tensor]:
-        """A patch with the weights (1, P, P) of its pixels."""
+    def _patch(self, g: Generator, step: int, place: int) -> tuple[Patch, bool]:
+        """A patch, and whether it is one to learn from."""
         for _ in range(TRIES):
             choices = [(a, a.draw(g)) for a in self.augmentations]
             side = self.cut.side_px
@@ -120,26 +141,33 @@ class Batches:
             k = int(torch.multinomial(self._shares, 1, generator=g))
             patch = self._sources[k].patch(g, step, place, side)
             patch = _applied(patch, [c for c in choices if not c[0].photometric])
-            weight = self._weight(patch)
-            if self.cut.textureless_weight is not None or bool(weight.all()):
+            accepted = self.cut.least_weight is not None or self._accepts(patch)
+            if accepted:
                 break
-        patch = gray(_applied(patch, [c for c in choices if c[0].photometric]))
-        return patch, weight
+        return gray(_applied(patch, [c for c in choices if c[0].photometric])), accepted
 
-    def _weight(self, patch: Patch) -> Tensor:
+    def _accepts(self, patch: Patch) -> bool:
         """Judged before the camera's faults: noise is no texture."""
-        margin, threshold = self.cut.margin_px, self.cut.texture_threshold
-        end = margin + self.cut.seen_px
-        centre = gray(patch).view((0, 0))[None, :, margin:end, margin:end]
-        texture = textured(centre, threshold)[0]
-        usable = patch.truth()[1][None, margin:end, margin:end]
-        if self.cut.textureless_weight is None:
-            middle = texture[:, self.cut.patch_px // 2, self.cut.patch_px // 2].item()
-            kept = bool(middle) and bool(usable.all())
-            return torch.full_like(texture, float(kept))
-        inner = slice(MARGIN_PX, MARGIN_PX + self.cut.patch_px)
-        weight: Tensor = texture.clamp_min(self.cut.textureless_weight) * usable[:, inner, inner]
-        return weight
+        margin, middle = self.cut.margin_px, self.cut.patch_px // 2
+        seen = slice(margin, margin + self.cut.seen_px)
+        centre = gray(patch).view((0, 0))[None, :, seen, seen]
+        texture = textured(centre, self.cut.texture_threshold)[0, 0, middle, middle]
+        return bool(texture) and bool(patch.truth()[1][seen, seen].all())
+
+    def _weight(self, patches: Sequence[tuple[Patch, bool]]) -> Tensor:
+        """(B, 1, P, P)."""
+        cut, inner = self.cut, self.cut.inner
+        usable = torch.stack([patch.truth()[1][None, inner, inner] for patch, _ in patches])
+        if cut.least_weight is None:
+            accepted = torch.tensor([accepted for _, accepted in patches])
+            return accepted.view(-1, 1, 1, 1).to(usable.device) * torch.ones_like(usable).float()
+        centre = torch.stack([patch.view((0, 0)) for patch, _ in patches])
+        noise = torch.stack([_noise(patch) for patch, _ in patches])
+        if cut.local_contrast:
+            centre, noise = local_contrast(centre), noise / contrast_unit(centre)
+        deviation = disparity_deviation(centre, noise, cut.offsets)[..., inner, inner]
+        told = 1 / (1 + (deviation / TOLD_PX) ** 2)
+        return told.clamp_min(cut.least_weight) * usable
 
     def _stacks(self, patch: Patch) -> Tensor:
         """(S, N, H, W)."""
@@ -147,19 +175,21 @@ class Batches:
 
     def _order(self, patch: Patch) -> Tensor:
         place = {offset: k for k, offset in enumerate(patch.offsets)}
-        n = self.cut.views
-        return torch.tensor(
-            [
-                [place[row - n // 2, col - n // 2] for row, col in direction_positions(d, n)]
-                for d in STREAM_DIRECTIONS_DEG[self.cut.streams]
-            ]
-        )
+        order = [place[offset] for offset in self.cut.offsets]
+        return torch.tensor(order).view(self.cut.streams, self.cut.views)
 
 
 def _applied(patch: Patch, choices: Sequence[tuple[Augmentation, Any]]) -> Patch:
     for augmentation, choice in choices:
         patch = augmentation.apply(patch, choice)
     return patch
+
+
+def _noise(patch: Patch) -> Tensor:
+    """(1, H, W) standard deviation of the centre view's noise; of 8 bits where it is unknown."""
+    if patch.noise is None:
+        return torch.full_like(patch.view((0, 0)), ROUNDING)
+    return patch.noise[None]
 
 
 def textured(centre: Tensor, threshold: float) -> Tensor:
@@ -196,7 +226,7 @@ def batches_of(
         patch_px=recipe.patch_px,
         local_contrast=recipe.local_contrast,
         texture_threshold=recipe.texture_threshold,
-        textureless_weight=recipe.textureless_weight,
+        least_weight=recipe.least_weight,
     )
     needs = Needs(recipe.views, recipe.shifted)
     side = cut.side_px * max(recipe.scales)

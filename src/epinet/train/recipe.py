@@ -66,6 +66,8 @@ class Recipe(_Model):
 
     norms: bool = False
     """Batch normalisation behind every hidden convolution; it folds into the weights kept."""
+    fixed_norms_from: Annotated[float, Field(ge=0, lt=1)] | None = None
+    """From this share of the steps on, batch normalisation keeps its statistics. None: never."""
 
     # The data.
     data: tuple[Data, ...] = (Data(generator="hci"),)
@@ -73,8 +75,10 @@ class Recipe(_Model):
     scale_weights: tuple[Annotated[int, Field(ge=0)], ...] = (1, 1, 1, 1)
     """How often the augmentation `scale` takes N = 1, 2, 3, ..., relative to each other."""
     texture_threshold: Annotated[float, Field(ge=0)] = 0.02
-    textureless_weight: Annotated[float, Field(ge=0, le=1)] | None = None
-    """What a textureless pixel counts; none: patches are rejected whole, as in the paper."""
+    """Of the paper's rejection of textureless patches."""
+    least_weight: Annotated[float, Field(ge=0, le=1)] | None = None
+    """Pixels count by how well the views tell their disparity, at least so much. None: all count
+    alike, and textureless patches are rejected whole, as in the paper."""
     patch_px: Annotated[int, Field(ge=1)] = 1
     """Side of the map a patch gives; its views are 22 px larger."""
     batch: Annotated[int, Field(ge=1)] = 16

@@ -48,6 +48,9 @@ from epinet.train.validation import Validation
 STATISTICS_BATCHES = 48
 """Batch-norm statistics of averaged weights are taken anew, over so many of the last batches."""
 
+MOMENTUM = 0.05
+"""Of the statistics that batch normalisation keeps where the recipe fixes it."""
+
 LOG_EVERY = 20
 
 BEST = "badpix_0.07"
@@ -270,7 +273,7 @@ class Run:
     def _train_step(self, stop: bool = False) -> None:
         """One step of all processes; any of them can stop all of them after it."""
         net, shards = self.net, self.recipe.shards
-        net.train()
+        self._set_modes()
         statistics = [b for b in net.buffers() if b.is_floating_point()]
         before = [b.clone() for b in statistics]
         sums = [torch.zeros_like(b) for b in statistics]
@@ -301,6 +304,18 @@ class Run:
         self.losses.append(loss.item())
         if flag.item() > 0:
             raise StoppedError(f"stopped at step {self.step} of {self.recipe.steps}")
+
+    def _set_modes(self) -> None:
+        """Training mode; batch normalisation with its own statistics once the recipe fixes them."""
+        self.net.train()
+        for norm in _norms(self.net):
+            norm.momentum = MOMENTUM
+            norm.train(not self._norms_fixed)
+
+    @property
+    def _norms_fixed(self) -> bool:
+        share = self.recipe.fixed_norms_from
+        return share is not None and self.step >= share * self.recipe.steps
 
     def _keep(self, batch: Batch) -> None:
         self._recent[self.step] = batch.stacks
@@ -366,11 +381,17 @@ class Run:
         return Validation.rendered(self.recipe.views, bounds)
 
     def weights(self) -> Weights:
-        """The averaged weights, with batch-norm statistics of their own over the last batches."""
+        """The averaged weights.
+
+        As long as batch normalisation learns, with statistics of their own over the last batches.
+        """
         net = copy.deepcopy(cast(Epinet, self.averaged.module))
-        norms = [m for m in net.modules() if isinstance(m, nn.BatchNorm2d)]
-        usual = [norm.momentum for norm in norms]
-        for norm in norms:
+        if not self._norms_fixed:
+            self._take_statistics(net)
+        return Weights(without_norms(net.eval()), self.metadata(), str(self.folder))
+
+    def _take_statistics(self, net: Epinet) -> None:
+        for norm in _norms(net):
             norm.reset_running_stats()
             norm.momentum = None  # a plain mean
         net.train()
@@ -379,9 +400,6 @@ class Run:
                 self._recent[step] = self.batches[0](step).stacks
             with torch.no_grad(), self._autocast():
                 net(self._recent[step])
-        for norm, momentum in zip(norms, usual, strict=True):
-            norm.momentum = momentum
-        return Weights(without_norms(net.eval()), self.metadata(), str(self.folder))
 
     def _say_progress(self, steps_per_s: float) -> None:
         left = timedelta(seconds=round((self.recipe.steps - self.step) / steps_per_s))
@@ -390,3 +408,7 @@ class Run:
             f"step {self.step} of {self.recipe.steps}, loss {loss:.4f}, {steps_per_s:.2f} steps/s, "
             f"{left} left"
         )
+
+
+def _norms(net: nn.Module) -> list[nn.BatchNorm2d]:
+    return [m for m in net.modules() if isinstance(m, nn.BatchNorm2d)]

@@ -88,7 +88,7 @@ class Validation:
         Returns:
             The mean over the scenes.
         """
-        estimator = Estimator(weights, str(device))
+        estimator = Estimator(weights, device=str(device))
         each = []
         for k, (name, lf) in enumerate(self.scenes.items()):
             with torch.autocast(device.type, dtype=torch.bfloat16, enabled=bf16):

@@ -1,0 +1,45 @@
+"""How well the views of a light field tell a disparity at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from torch import Tensor
+from torch.nn import functional as F
+
+WINDOW_PX = 9
+"""A disparity is taken to be the same over this square."""
+
+
+def disparity_deviation(
+    centre: Tensor, noise: Tensor, offsets: Sequence[tuple[int, int]]
+) -> Tensor:
+    """Standard deviation of the best estimate of each disparity: its Cramer-Rao bound.
+
+    A view at offset (r, c) differs by -e (r dI/dy + c dI/dx) under a disparity that is off by e;
+    so much information the squares of these bear against the noise, summed over all views and a
+    window. The noise of the centre view cancels where views stand on both sides of it.
+
+    Args:
+        centre: (B, 1, H, W) centre view, with its noise.
+        noise: (B, 1, H, W) standard deviation of the noise of every view, in the same units.
+        offsets: (row, column) of the views from the centre view.
+
+    Returns:
+        (B, 1, H, W) px per adjacent view; infinite where there is no texture. The window's half
+        from the border on it leans on repeated samples.
+    """
+    rows, cols = (sum(o[axis] ** 2 for o in offsets) for axis in (0, 1))
+    padded = F.pad(centre, (1, 1, 1, 1), mode="replicate")
+    across = (padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]) / 2
+    down = (padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]) / 2
+    variance = noise * noise
+    # Noise itself has differences: half its variance in each direction.
+    texture = cols * across**2 + rows * down**2 - 0.5 * (rows + cols) * variance
+    pixels = WINDOW_PX**2
+    information = pixels * _mean(texture).clamp_min(0) / _mean(variance)
+    return information.rsqrt()
+
+
+def _mean(images: Tensor) -> Tensor:
+    return F.avg_pool2d(images, WINDOW_PX, 1, WINDOW_PX // 2, count_include_pad=False)
