@@ -7,7 +7,6 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from epinet.synth.bank import sample
-from epinet.synth.draw import diffuse
 from epinet.synth.scenes import Scenes
 from epinet.synth.surfaces import Rays
 
@@ -117,3 +116,9 @@ def _relief_slopes(scenes: Scenes, x: Tensor, y: Tensor, scene: Tensor) -> tuple
         slope = amplitude * (phase + fx * x + fy * y).cos()
         per_x, per_y = per_x + slope * fx, per_y + slope * fy
     return per_x, per_y
+
+
+def diffuse(normal: Tensor, direction: Tensor, ambient: Tensor) -> Tensor:
+    """Lambert's law for the side that is seen, (...), from unit vectors (..., 3)."""
+    seen = torch.where(normal[..., 2:] < 0, -normal, normal)
+    return ambient + (1 - ambient) * (seen * direction).sum(-1).clamp_min(0)

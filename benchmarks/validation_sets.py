@@ -1,0 +1,78 @@
+"""Score weights on the two validation sets, part by part.
+
+    epinet validation && make pathtraced
+    python benchmarks/validation_sets.py -o benchmarks/results/validation_sets.json
+
+Rendered scenes (`epinet validation`) count by part, path-traced ones (`make pathtraced`) singly;
+a part's score is the mean over its scenes. Mirrors and panes, where the set marks them invalid, are
+left out everywhere but in the part "reflective", where the truth is that of the surface.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from epinet import load_model, read_light_field
+from epinet.metrics.disparity import score
+from epinet.predict.estimator import Estimator
+from epinet.synth.options import RANGES_PX
+from epinet.synth.validation import validation_folder, validation_parts
+
+WIDE_SCALE = 7
+"""Views are shrunk so much for the part "wide" of -25..5 px, that +-4 px reach."""
+
+
+def scores_of(model: Estimator, folder: Path, scale: int, mirrors: bool) -> dict[str, float]:
+    """Scores of one scene."""
+    lf = read_light_field(folder)
+    assert lf.truth is not None
+    truth = lf.truth.copy()
+    if not mirrors and "invalid" in lf.masks:
+        truth[lf.masks["invalid"]] = np.nan
+    return score(model.predict(lf, scale=scale).disparity, truth)
+
+
+def mean(each: list[dict[str, float]]) -> dict[str, float]:
+    return {key: round(sum(s[key] for s in each) / len(each), 3) for key in each[0]}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--weights", help="default: those that `epinet predict` takes")
+    parser.add_argument("--pathtraced", type=Path, help="default: where make pathtraced puts them")
+    parser.add_argument("--machine", default=platform.processor() or platform.machine())
+    args = parser.parse_args()
+    model = load_model(args.weights)
+    rendered = validation_folder()
+    traced = args.pathtraced or rendered.parent / "pathtraced"
+    report: dict[str, Any] = {"machine": args.machine, "weights": args.weights, "sets": {}}
+    parts = defaultdict(list)
+    for part, scenes in validation_parts().items():
+        scale = WIDE_SCALE if scenes[0].disparity_px == RANGES_PX["wide"] else 1
+        for k in range(len(scenes)):
+            parts[part].append(
+                scores_of(model, rendered / f"{part}_{k}", scale, part == "reflective")
+            )
+    report["sets"]["rendered"] = {part: mean(each) for part, each in parts.items()}
+    names = json.loads((traced / "dataset.json").read_text())["scenes"]
+    report["sets"]["path-traced"] = {
+        name: mean([scores_of(model, traced / name, 1, name == "mirrors")]) for name in names
+    }
+    args.output.write_text(json.dumps(report, indent=1) + "\n")
+    for label, scored in report["sets"].items():
+        for part, s in scored.items():
+            print(
+                f"{label} {part}: BadPix(.07) {s['badpix_0.07']:.1f}, MSE x100 {s['mse_x100']:.2f}"
+            )
+
+
+if __name__ == "__main__":
+    main()
