@@ -195,7 +195,9 @@ def train(
             "--set", metavar="KEY=VALUE", help="Change a value of the recipe. May be given again."
         ),
     ] = None,
-    start: Annotated[Path | None, typer.Option(help="Weights to start from.")] = None,
+    start: Annotated[
+        str | None, typer.Option(help="Weights to start from: a file, or shipped ones by name.")
+    ] = None,
     validation: Annotated[
         Path | None,
         typer.Option(help="Folder of scenes with truth; default: small rendered ones."),
@@ -213,7 +215,6 @@ def train(
 
     Started by torchrun, its processes share the run (--set shards=N).
     """
-    from epinet.model.checkpoint import load_weights
     from epinet.predict.batch import find_light_fields
     from epinet.predict.estimator import choose_device
     from epinet.train.parallel import local_device, team
@@ -221,8 +222,8 @@ def train(
     from epinet.train.run import Run, StoppedError
     from epinet.train.validation import Validation
 
-    chosen = changed_recipe(recipe, set_ or [], data or [], without or [])
-    begun = None if start is None else load_weights(start)
+    changes = [*(set_ or []), *([] if start is None else [f"start={start}"])]
+    chosen = changed_recipe(recipe, changes, data or [], without or [])
     on = local_device(choose_device(device))
     scenes = None
     if validation is not None:
@@ -234,7 +235,6 @@ def train(
         run = Run(
             chosen,
             output,
-            start=begun,
             device=on,
             team=processes,
             textures=textures,

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ import torch
 from torch import nn
 
 from epinet.errors import InputError
-from epinet.model.checkpoint import load_weights
+from epinet.model.checkpoint import load_weights, save_weights
 from epinet.model.network import Epinet, EpinetConfig
 from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
@@ -293,16 +292,20 @@ def test_what_cannot_be_continued(tmp_path, run):
 
 
 def test_weights_of_another_network_are_no_start(tmp_path, run):
-    weights = load_weights()
-    assert weights.net.config == EpinetConfig(views=9)
-    narrow = replace(weights, net=Epinet(EpinetConfig(views=9, stream_width=8)))
+    def from_(weights: str | Path, recipe: Recipe = TINY) -> Run:
+        return run(tmp_path / "run", recipe.model_copy(update={"start": str(weights)}))
+
+    file = tmp_path / "weights.safetensors"
+    save_weights(file, Epinet(EpinetConfig(views=9, stream_width=8)), {})
     with pytest.raises(InputError, match="another network"):
-        run(tmp_path, start=narrow)
-    begun = run(tmp_path, start=weights)
-    assert torch.equal(begun.net.merge[0][0].conv.weight, weights.net.merge[0][0].weight)
-    wide = replace(weights, net=Epinet(EpinetConfig(views=3)))
+        from_(file)
+    merge = from_("epinet_9x9").net.merge[0][0].conv.weight
+    assert torch.equal(merge, load_weights("epinet_9x9").net.merge[0][0].weight)
+    save_weights(file, Epinet(EpinetConfig(views=3)), {})
     with pytest.raises(InputError, match="weights of 3 views are no start for 9"):
-        run(tmp_path / "other", load_recipe("fast-9x9"), start=wide)
+        from_(file, load_recipe("fast-9x9"))
+    with pytest.raises(InputError, match="elsewhere: no such weights file"):
+        from_("elsewhere")
 
 
 def test_processes_must_share_the_shards_evenly(tmp_path, run):

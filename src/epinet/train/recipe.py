@@ -29,6 +29,10 @@ from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, ViewShift
 SUFFIX = ".yaml"
 
 
+GLOROT, DIFFERENCES = "glorot", "differences"
+"""Ways to start from scratch."""
+
+
 class _Model(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -61,8 +65,9 @@ class Recipe(_Model):
     streams: int = 4
     local_contrast: bool = False
     """The network sees each view with its local mean and contrast normalised, not plain gray."""
-    start: Literal["glorot", "differences"] = "glorot"
-    """Starting weights: Keras' default, or He's on differences to the centre view."""
+    start: str = GLOROT
+    """Starting weights: "glorot", Keras' default; "differences", He's on differences to the centre
+    view; or trained ones: a file, or the name of shipped ones."""
 
     norms: bool = False
     """Batch normalisation behind every hidden convolution; it folds into the weights kept."""
@@ -143,6 +148,10 @@ class Recipe(_Model):
         scale = Scale(self.scale_weights)
         chosen = [a for name, a in AUGMENTATIONS.items() if name in self.augmentations]
         return tuple(scale if a.name == Scale.name else a for a in chosen)
+
+    @property
+    def from_scratch(self) -> bool:
+        return self.start in (GLOROT, DIFFERENCES)
 
     @property
     def shifted(self) -> bool:

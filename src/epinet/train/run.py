@@ -31,7 +31,7 @@ from torch.optim.swa_utils import AveragedModel
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, check_writable
-from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, save_weights
+from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, load_weights, save_weights
 from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
 from epinet.model.network import Epinet
 from epinet.model.normed import add_norms, calibrate_norms, without_norms
@@ -42,7 +42,7 @@ from epinet.train.interruption import interruption
 from epinet.train.log import Log
 from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
-from epinet.train.recipe import Recipe
+from epinet.train.recipe import DIFFERENCES, GLOROT, Recipe
 from epinet.train.validation import Validation
 
 STATISTICS_BATCHES = 48
@@ -79,8 +79,6 @@ class Run:
     Args:
         recipe: what to do.
         folder: of the run, made if need be.
-        start: weights to begin with, where the folder holds no checkpoint; of as many views as
-            the recipe's or more.
         device: to train on.
         team: the processes that share the run.
         textures: photographs for the rendered scenes.
@@ -89,7 +87,7 @@ class Run:
 
     Raises:
         InputError: the folder cannot be written, its checkpoint is damaged or of another recipe,
-            the starting weights are of another network, or scenes cannot be used.
+            the starting weights cannot be used, or scenes cannot.
     """
 
     def __init__(
@@ -97,7 +95,6 @@ class Run:
         recipe: Recipe,
         folder: Path,
         *,
-        start: Weights | None = None,
         device: torch.device | str = "cpu",
         team: Team = ALONE,
         textures: Path | None = None,
@@ -111,19 +108,17 @@ class Run:
                 f"{team.size} processes cannot share the {recipe.shards} shards of the recipe: "
                 f"--set shards={team.size}"
             )
-        if start is not None and replace(start.net.config, views=recipe.views) != recipe.network:
-            raise InputError(f"{start.source}: weights of another network than the recipe's")
-        if start is not None and start.net.config.views < recipe.views:
-            raise InputError(
-                f"{start.source}: weights of {start.net.config.views} views are no start for "
-                f"{recipe.views}; the other way round they are"
-            )
         mine = range(team.rank, recipe.shards, team.size)
         self.batches = batches_of(recipe, mine, textures=textures, device=str(self.device))
         check_writable(folder)
         torch.manual_seed(recipe.seed)
         self.net = Epinet(recipe.network)
-        self._begin(start)
+        self.started_from: dict[str, Any] | None = None
+        resumed = self._checkpoint.exists()
+        if not resumed:
+            self._begin()
+        elif recipe.norms:
+            add_norms(self.net)
         self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = AveragedModel(self.net, avg_fn=self._average)
         self.optimisers = Optimisers(self.net, recipe)
@@ -131,7 +126,7 @@ class Run:
         self.best = math.inf
         self.losses: list[float] = []
         self.history: list[dict[str, Any]] = []
-        if self._checkpoint.exists():
+        if resumed:
             self._resume()
         self._validation = validation
         self._recent: dict[int, Tensor] = {}
@@ -140,18 +135,19 @@ class Run:
     def _checkpoint(self) -> Path:
         return self.folder / "last.pt"
 
-    def _begin(self, start: Weights | None) -> None:
-        self.started_from = None if start is None else start.metadata
-        if start is not None:
-            begun = with_fewer_views(start.net, self.recipe.views)
-            self.net.load_state_dict(begun.state_dict())
-        elif self.recipe.start == "differences":
+    def _begin(self) -> None:
+        recipe = self.recipe
+        if recipe.start == DIFFERENCES:
             start_on_differences(self.net)
-        else:
+        elif recipe.start == GLOROT:
             start_as_keras(self.net)
-        if self.recipe.norms:
+        else:
+            start = _starting_weights(recipe)
+            self.started_from = start.metadata
+            self.net.load_state_dict(with_fewer_views(start.net, recipe.views).state_dict())
+        if recipe.norms:
             add_norms(self.net)
-            if start is not None:
+            if not recipe.from_scratch:
                 calibrate_norms(self.net, self.batches[0](0).stacks.cpu())
 
     def _average(self, average: Tensor, new: Tensor, updates: Tensor | int) -> Tensor:
@@ -408,6 +404,20 @@ class Run:
             f"step {self.step} of {self.recipe.steps}, loss {loss:.4f}, {steps_per_s:.2f} steps/s, "
             f"{left} left"
         )
+
+
+def _starting_weights(recipe: Recipe) -> Weights:
+    """Trained ones, of as many views as the recipe's or more."""
+    start = load_weights(recipe.start)
+    views = start.net.config.views
+    if replace(start.net.config, views=recipe.views) != recipe.network:
+        raise InputError(f"{start.source}: weights of another network than the recipe's")
+    if views < recipe.views:
+        raise InputError(
+            f"{start.source}: weights of {views} views are no start for {recipe.views}; the other "
+            "way round they are"
+        )
+    return start
 
 
 def _norms(net: nn.Module) -> list[nn.BatchNorm2d]:
