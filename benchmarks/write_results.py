@@ -117,9 +117,15 @@ def curves() -> Iterator[str]:
 
 
 def main() -> None:
-    parts = [HEAD]
-    for section in (weights, real, validation, curves):
-        parts += section()
+    sections = {
+        "real_light_fields": real,
+        "validation_sets": validation,
+        "training_curves": curves,
+    }
+    parts = [HEAD, *weights()]
+    for name, section in sections.items():
+        if (RESULTS / f"{name}.json").exists():
+            parts += section()
     PAGE.write_text("\n\n".join(parts) + "\n")
 
 

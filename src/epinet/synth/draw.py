@@ -146,7 +146,7 @@ def _positions(dice: Dice, place: Place, reach: Tensor) -> tuple[Tensor, Tensor,
     small = dice.log_uniform(0.01, 1, count, number) * span
     anywhere = dice.uniform(0, 1, count, number) * (place.high - behind).clamp_min(0)
     fits = behind + small < place.high
-    step = torch.where(dice.chance(0.5, count, number) & fits, small, anywhere)
+    step = torch.where(dice.chance(0.25, count, number) & fits, small, anywhere)
     return x, y, torch.minimum(behind + step, place.high), there
 
 

@@ -72,9 +72,9 @@ class Options:
     """Share of surfaces that mirror, or let through, a second scene."""
     highlights: float = 0.25
     """Share of surfaces with a highlight that moves with the view."""
-    surfaces: tuple[int, int] = (6, 32)
+    surfaces: tuple[int, int] = (10, 40)
     """Fewest and most objects in front of the background."""
-    clutter: float = 0.12
+    clutter: float = 0.6
     """Share of scenes with up to three times as many more, small cut-outs."""
     faults: Faults = field(default_factory=Faults)
     samples: int = 4
