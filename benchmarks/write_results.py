@@ -46,7 +46,8 @@ def weights() -> Iterator[str]:
     yield "## Shipped weights"
     yield (
         "Trained on rendered scenes alone, on one core of an AMD EPYC. Scores: small rendered "
-        "scenes of held-out textures and shapes, on which the best step was chosen."
+        "scenes of held-out textures and shapes, by the generator named: scores of different "
+        "generators do not compare."
     )
     rows = []
     for name in shipped_weights():
@@ -116,7 +117,7 @@ def curves() -> Iterator[str]:
     yield "![curves](../benchmarks/results/training_curves.png)"
 
 
-def main() -> None:
+def page() -> str:
     sections = {
         "real_light_fields": real,
         "validation_sets": validation,
@@ -126,8 +127,8 @@ def main() -> None:
     for name, section in sections.items():
         if (RESULTS / f"{name}.json").exists():
             parts += section()
-    PAGE.write_text("\n\n".join(parts) + "\n")
+    return "\n\n".join(parts) + "\n"
 
 
 if __name__ == "__main__":
-    main()
+    PAGE.write_text(page())

@@ -19,7 +19,7 @@ def test_the_wheel_carries_the_weights(tmp_path):
     subprocess.run(command, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    assert "epinet/model/weights/epinet_9x9.safetensors" in names
+    assert {f"epinet/model/weights/epinet_{n}x{n}.safetensors" for n in (9, 7, 5)} <= set(names)
     assert "epinet/train/recipes/fast-9x9.yaml" in names
     assert "epinet/py.typed" in names
     assert not any(name.startswith("tests") for name in names)
