@@ -66,9 +66,9 @@ def real() -> Iterator[str]:
     report = read("real_light_fields")
     yield "## Real light fields"
     yield (
-        f"`python benchmarks/real_light_fields.py FOLDER` on {report['machine']}. Nothing is trained on "
-        "them. The references are the maps of the reference implementation; mirrors "
-        "are left out on `kitchen`. Time and memory are those of the whole command."
+        f"`python benchmarks/real_light_fields.py FOLDER` on {report['machine']}. Nothing is "
+        "trained on them. The references are the maps of the reference implementation; mirrors are "
+        "left out on `kitchen`. Time and memory are those of the whole command."
     )
     rows = []
     for name, r in report["light_fields"].items():
