@@ -121,7 +121,7 @@ def count_that_is_no_square(folder):
 
 @case(r"7x7 views", r"need 9x9")
 def weights_for_more_views_than_there_are(folder):
-    return predicts(scene(folder, views=7))
+    return predicts(scene(folder, views=7), "--weights", "epinet_9x9")
 
 
 @case(r"at least 3x3|2x2")
@@ -343,7 +343,7 @@ def stack_that_lacks_a_view(folder):
     views = light_field().views.copy()
     views[0, 0] = 0
     np.save(folder / "views.npy", views)
-    return predicts(folder / "views.npy")
+    return predicts(folder / "views.npy", "--weights", "epinet_9x9")
 
 
 @case(r"w\.safetensors: its configuration or tensors do not fit")

@@ -16,7 +16,7 @@ from epinet.io.images import write_png
 from epinet.io.lftoolbox import write_v73
 from epinet.lightfield import LightField
 from epinet.synth.generator import render_scene
-from epinet.synth.options import Options
+from epinet.synth.options import Faults, Options
 
 MakeLightField = Callable[..., LightField]
 
@@ -140,7 +140,10 @@ def test_depth_becomes_disparity(tmp_path: Path, make: MakeLightField, per_view:
 
 @pytest.mark.parametrize("reversed_in_file", [False, True])
 def test_the_images_decide_the_order_of_columns(tmp_path: Path, reversed_in_file: bool) -> None:
-    scene = render_scene(Options(size=(96, 112), surfaces=(20, 32), samples=1), 2, 0)
+    options = Options(
+        size=(96, 112), surfaces=(30, 40), contrast=(0.5, 1.0), samples=1, faults=Faults.none()
+    )
+    scene = render_scene(options, 2, 0)
     stored = scene.reordered(flip_cols=reversed_in_file)
     with h5py.File(tmp_path / "scene.h5", "w") as file:
         file["LF"] = stored.views

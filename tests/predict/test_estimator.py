@@ -27,7 +27,7 @@ def scene() -> LightField:
         textureless=0,
         reflective=0,
         highlights=0,
-        surfaces=(2, 4),
+        surfaces=(30, 40),
         thin=0,
         clutter=0,
         faults=Faults.none(),

@@ -40,7 +40,7 @@ def scene(seed: int) -> Patch:
         textureless=0.0,
         reflective=0.0,
         highlights=0.0,
-        surfaces=(3, 6),
+        surfaces=(30, 40),
         faults=Faults.none(),
         samples=9,
     )
@@ -155,7 +155,7 @@ def test_views_stay_consistent_with_their_truth(patch, augmentation, choice):
 
 def test_a_wrong_centre_or_axis_is_not_consistent():
     """The bugs of the reference code that the law above must find."""
-    patch = scene(6)
+    patch = scene(11)
     swapped = patch.mapped(lambda image: image, lambda o: (o[1], o[0]))  # axes exchanged
     assert consistent(swapped) > 1.5 * consistent(patch)
     shifted = ViewShift().apply(patch, (1, 1))

@@ -174,7 +174,7 @@ def test_every_augmentation_of_a_recipe_reaches_its_batches(monkeypatch):
 
 
 def test_the_largest_scale_fits_what_is_rendered():
-    recipe = load_recipe("paper-wide", OURS)
+    recipe = load_recipe("paper-wide", OURS | {"augmentations": ["scale"]})
     batch = batches_of(recipe, [0])[0](0)
     assert batch.stacks.shape[-1] == 26
     assert isinstance(recipe, Recipe)

@@ -205,7 +205,8 @@ def test_a_run_leaves_weights_that_say_what_they_are(tmp_path, run):
 def test_statistics_are_means_over_the_last_batches(tmp_path, run):
     """Of the first batch-norm layer, against means over its inputs."""
     assert TINY.steps < STATISTICS_BATCHES
-    trained = run(tmp_path, TINY.model_copy(update={"norms": False}))
+    recipe = TINY.model_copy(update={"norms": False, "fixed_norms_from": None})
+    trained = run(tmp_path, recipe)
     trained.train()
     net: Epinet = trained.weights().net
     norm = net.streams[0][0][3]

@@ -319,6 +319,11 @@ def _draw_reliefs(dice: Dice, place: Place) -> Reliefs:
     phase = dice.uniform(0, 2 * math.pi, count, 1, WAVES)
     waves = torch.stack([amplitude, frequency * angle.cos(), frequency * angle.sin(), phase], -1)
     coefficients = base.clone()
-    coefficients[..., 0] -= amplitude.sum(-1) * dice.uniform(0, 0.4, count, 1)
+    swing = amplitude.sum(-1)
+    base_top = base[..., 0] + 0.5 * sum(
+        base[..., 1 + axis].abs() * side for axis, side in enumerate(place.size[::-1])
+    )
+    sunk = torch.maximum(swing * dice.uniform(0, 0.4, count, 1), base_top + swing - place.high)
+    coefficients[..., 0] -= sunk
     endless = torch.tensor([-math.inf, math.inf, -math.inf, math.inf, 0.0])
     return Reliefs(exists, endless.expand(count, 1, 5), coefficients, waves)

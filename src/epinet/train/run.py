@@ -384,6 +384,8 @@ class Run:
         net = copy.deepcopy(cast(Epinet, self.averaged.module))
         if not self._norms_fixed:
             self._take_statistics(net)
+        for norm in _norms(net):
+            norm.num_batches_tracked = torch.tensor(self.step)  # whatever the number of shards
         return Weights(without_norms(net.eval()), self.metadata(), str(self.folder))
 
     def _take_statistics(self, net: Epinet) -> None:
