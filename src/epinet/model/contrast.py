@@ -23,15 +23,19 @@ def local_contrast(views: Tensor) -> Tensor:
     Every view is normalised by itself, so a surface looks alike in all views that see it.
     """
     images = views.reshape(-1, 1, *views.shape[-2:])
-    mean, unit = _box(images), contrast_unit(images)
+    mean, unit = _mean_and_unit(images)
     return (MEAN + (images - mean) / unit).view(views.shape)
 
 
 def contrast_unit(images: Tensor) -> Tensor:
     """What is 1 in the local contrast of images (N, 1, H, W), in their own units."""
+    return _mean_and_unit(images)[1]
+
+
+def _mean_and_unit(images: Tensor) -> tuple[Tensor, Tensor]:
     mean = _box(images)
     variance = (_box(images * images) - mean * mean).clamp_min(0)
-    return (variance + FLOOR**2).sqrt() / DEVIATION
+    return mean, (variance + FLOOR**2).sqrt() / DEVIATION
 
 
 def _box(images: Tensor) -> Tensor:
