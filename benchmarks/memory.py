@@ -1,9 +1,9 @@
-"""How much memory a tile takes: what `epinet.predict.tiling.FLOATS_PER_PX_AND_CHANNEL` rests on.
+"""How much memory a tile takes: what the constants of `epinet.predict.tiling` rest on.
 
     python benchmarks/memory.py
 
-Each tile runs in a process of its own; its peak above a 1x1 tile's, per pixel of the tile with
-its margin and per channel of the merge part, is printed in floats.
+Each tile runs in a process of its own; its peak above that of the smallest tile, per pixel that the
+network sees, is printed in floats (for EPINET per channel of the merge part, too).
 """
 
 from __future__ import annotations
@@ -14,31 +14,38 @@ import sys
 
 import torch
 
-from epinet.model.network import MARGIN_PX, Epinet, EpinetConfig
-from epinet.predict.tiling import run_tiled
+from epinet.model.epinet import MARGIN_PX, Epinet
+from epinet.model.sweepnet import SweepNet
+from epinet.predict.tiling import run_overlapping, run_tiled
+from epinet.synth.options import RANGES_PX
 
-SIDES_PX = (1, 96, 192, 384)
+SIDES_PX = {"epinet": (1, 96, 192, 384), "sweepnet": (32, 256, 512, 768)}
 
 
-def peak_mb(side: int) -> float:
+def peak_mb(model: str, side: int) -> float:
     """Peak memory of a process that computes one tile."""
-    net = Epinet(EpinetConfig()).eval().to(memory_format=torch.channels_last)
-    run_tiled(net, torch.zeros(4, 9, side, side), side)
+    stacks = torch.zeros(4, 9, side, side)
+    if model == "epinet":
+        run_tiled(Epinet().eval().to(memory_format=torch.channels_last), stacks, side)
+    else:
+        sweepnet = SweepNet().eval().to(memory_format=torch.channels_last)
+        run_overlapping(sweepnet, stacks, RANGES_PX["hci"], 1e6)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def main() -> None:
     if len(sys.argv) > 1:
-        print(peak_mb(int(sys.argv[1])))
+        print(peak_mb(sys.argv[1], int(sys.argv[2])))
         return
-    peaks = {
-        side: float(subprocess.check_output([sys.executable, __file__, str(side)]))
-        for side in SIDES_PX
-    }
-    base = peaks.pop(1)
-    for side, peak in peaks.items():
-        floats = (peak - base) * 2**20 / 4 / (side + 2 * MARGIN_PX) ** 2 / 280
-        print(f"{side} px: {peak - base:.0f} MB, {floats:.2f} floats per px and channel")
+    for model, sides in SIDES_PX.items():
+        base, *peaks = (
+            float(subprocess.check_output([sys.executable, __file__, model, str(side)]))
+            for side in sides
+        )
+        margin, channels = (2 * MARGIN_PX, 280) if model == "epinet" else (0, 1)
+        for side, peak in zip(sides[1:], peaks, strict=True):
+            floats = (peak - base) * 2**20 / 4 / (side + margin) ** 2 / channels
+            print(f"{model}, {side} px: {peak - base:.0f} MB, {floats:.1f} floats")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Predict the real light fields at hand, as a user would, and compare with what is known of them.
+"""Predict the real light fields at hand with each model, as a user would, and compare.
 
     python benchmarks/real_light_fields.py FOLDER -o benchmarks/results/real_light_fields.json
 
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from epinet.io import read_light_field, read_pfm
 from epinet.metrics.disparity import BORDER_PX, score
+from epinet.model.checkpoint import MODELS
 
 NAMES = ("antinous", "dino", "kitchen", "lytro_2067")
 REFERENCE_BORDER_PX = 11
@@ -80,10 +81,10 @@ def examine(name: str, folder: Path, out: Path, options: list[str]) -> dict[str,
     return report
 
 
-def table(reports: dict[str, Any]) -> str:
+def table(model: str, reports: dict[str, Any]) -> str:
     """Markdown for people."""
     lines = [
-        "| light field | s | MB | BadPix(.07) / MSE x100 | difference to reference | within .07 |",
+        f"| {model} | s | MB | BadPix(.07) / MSE x100 | difference to reference | within .07 |",
         "|---|---|---|---|---|---|",
     ]
     for name, r in reports.items():
@@ -106,12 +107,16 @@ def main() -> None:
     parser.add_argument("--machine", default=platform.processor() or platform.machine())
     parser.add_argument("options", nargs="*", help="more options of epinet predict, after --")
     args = parser.parse_args()
-    reports = {name: examine(name, args.folder, args.maps, args.options) for name in NAMES}
+    models: dict[str, Any] = {}
+    for model in MODELS:
+        options = ["--model", model, *args.options]
+        models[model] = {n: examine(n, args.folder, args.maps / model, options) for n in NAMES}
     if args.output:
-        report = {"machine": args.machine, "options": args.options, "light_fields": reports}
+        report = {"machine": args.machine, "options": args.options, "models": models}
         args.output.parent.mkdir(parents=True, exist_ok=True)
         args.output.write_text(json.dumps(report, indent=1) + "\n")
-    print(table(reports))
+    for model, reports in models.items():
+        print(table(model, reports))
 
 
 if __name__ == "__main__":

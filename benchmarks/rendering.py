@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 import torch
 
-from epinet.model.network import MARGIN_PX
+from epinet.model.epinet import MARGIN_PX
 from epinet.synth.generator import bank, draw_scene, pools, star_offsets
 from epinet.synth.options import RANGES_PX, Options
 from epinet.synth.render import Lens, render

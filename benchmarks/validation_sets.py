@@ -1,4 +1,4 @@
-"""Score weights on the two validation sets, part by part.
+"""Score the shipped weights on the two validation sets, part by part.
 
     epinet validation && make pathtraced
     python benchmarks/validation_sets.py -o benchmarks/results/validation_sets.json
@@ -21,12 +21,13 @@ import numpy as np
 
 from epinet import load_model, read_light_field
 from epinet.metrics.disparity import score
+from epinet.model.checkpoint import MODELS
 from epinet.predict.estimator import Estimator
 from epinet.synth.options import RANGES_PX
 from epinet.synth.validation import validation_folder, validation_parts
 
-WIDE_SCALE = 7
-"""Views are shrunk so much for the part "wide" of -25..5 px, that +-4 px reach."""
+WIDE_SCALE = {"epinet": 7, "sweepnet": 1}
+"""Views are shrunk so much for the part "wide" of -25..5 px, since EPINET reaches +-4 px."""
 
 
 def scores_of(model: Estimator, folder: Path, scale: int, mirrors: bool) -> dict[str, float]:
@@ -43,35 +44,43 @@ def mean(each: list[dict[str, float]]) -> dict[str, float]:
     return {key: round(sum(s[key] for s in each) / len(each), 3) for key in each[0]}
 
 
+def score_all(model: str, rendered: Path, traced: Path) -> dict[str, Any]:
+    """Scores of a model's shipped weights, by set and part."""
+    estimator = load_model(model=model)
+    parts = defaultdict(list)
+    for part, scenes in validation_parts().items():
+        scale = WIDE_SCALE[model] if scenes[0].disparity_px == RANGES_PX["wide"] else 1
+        for k in range(len(scenes)):
+            folder = rendered / f"{part}_{k}"
+            parts[part].append(scores_of(estimator, folder, scale, part == "reflective"))
+    names = json.loads((traced / "dataset.json").read_text())["scenes"]
+    return {
+        "rendered": {part: mean(each) for part, each in parts.items()},
+        "path-traced": {
+            name: mean([scores_of(estimator, traced / name, 1, name == "mirrors")])
+            for name in names
+        },
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--weights", help="default: those that `epinet predict` takes")
     parser.add_argument("--pathtraced", type=Path, help="default: where make pathtraced puts them")
     parser.add_argument("--machine", default=platform.processor() or platform.machine())
     args = parser.parse_args()
-    model = load_model(args.weights)
     rendered = validation_folder()
     traced = args.pathtraced or rendered.parent / "pathtraced"
-    report: dict[str, Any] = {"machine": args.machine, "weights": args.weights, "sets": {}}
-    parts = defaultdict(list)
-    for part, scenes in validation_parts().items():
-        scale = WIDE_SCALE if scenes[0].disparity_px == RANGES_PX["wide"] else 1
-        for k in range(len(scenes)):
-            parts[part].append(
-                scores_of(model, rendered / f"{part}_{k}", scale, part == "reflective")
-            )
-    report["sets"]["rendered"] = {part: mean(each) for part, each in parts.items()}
-    names = json.loads((traced / "dataset.json").read_text())["scenes"]
-    report["sets"]["path-traced"] = {
-        name: mean([scores_of(model, traced / name, 1, name == "mirrors")]) for name in names
-    }
+    models = {model: score_all(model, rendered, traced) for model in MODELS}
+    report = {"machine": args.machine, "models": models}
     args.output.write_text(json.dumps(report, indent=1) + "\n")
-    for label, scored in report["sets"].items():
-        for part, s in scored.items():
-            print(
-                f"{label} {part}: BadPix(.07) {s['badpix_0.07']:.1f}, MSE x100 {s['mse_x100']:.2f}"
-            )
+    for model, sets in models.items():
+        for label, scored in sets.items():
+            for part, s in scored.items():
+                print(
+                    f"{model}, {label} {part}: BadPix(.07) {s['badpix_0.07']:.1f}, "
+                    f"MSE x100 {s['mse_x100']:.2f}"
+                )
 
 
 if __name__ == "__main__":

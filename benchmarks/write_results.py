@@ -45,9 +45,9 @@ SCORES = ["BadPix(.07)", "(.03)", "(.01)", "MSE x100"]
 def weights() -> Iterator[str]:
     yield "## Shipped weights"
     yield (
-        "Trained on rendered scenes alone, on one core of an AMD EPYC. Scores: small rendered "
-        "scenes of held-out textures and shapes, by the generator named: scores of different "
-        "generators do not compare."
+        "Trained on rendered scenes alone, on an AMD EPYC: SweepNet on two cores, EPINET on one. "
+        "Scores: small rendered scenes of held-out textures and shapes, by the generator named: "
+        "scores of different generators do not compare."
     )
     rows = []
     for name in shipped_weights():
@@ -71,15 +71,17 @@ def real() -> Iterator[str]:
         "left out on `kitchen`. Time and memory are those of the whole command."
     )
     rows = []
-    for name, r in report["light_fields"].items():
-        ref = r.get("reference")
-        distance, close = ("-", "-")
-        if ref:
-            distance = f"{ref['mean_absolute_difference_px']:.3f} px"
-            close = f"{ref['percent_within_0.07']:.1f} %"
-        own = scored(r["scores"]) if "scores" in r else ["-"] * 4
-        rows.append([name, f"{r['wall_s']:.1f}", str(r["peak_memory_mb"]), *own, distance, close])
-    yield table(["scene", "s", "MB", *SCORES, "from reference", "within .07"], rows)
+    for model, reports in report["models"].items():
+        for name, r in reports.items():
+            ref = r.get("reference")
+            distance, close = ("-", "-")
+            if ref:
+                distance = f"{ref['mean_absolute_difference_px']:.3f} px"
+                close = f"{ref['percent_within_0.07']:.1f} %"
+            own = scored(r["scores"]) if "scores" in r else ["-"] * 4
+            cost = [f"{r['wall_s']:.1f}", str(r["peak_memory_mb"])]
+            rows.append([model, name, *cost, *own, distance, close])
+    yield table(["model", "scene", "s", "MB", *SCORES, "from reference", "within .07"], rows)
 
 
 def validation() -> Iterator[str]:
@@ -87,14 +89,66 @@ def validation() -> Iterator[str]:
     yield "## Validation sets"
     yield (
         "`python benchmarks/validation_sets.py`; what the parts are: [scenes](scenes.md). "
-        "The part `wide` is seen at a seventh of its size."
+        "EPINET sees the part `wide` at a seventh of its size."
     )
+    models = report["models"]
+    first, second = models
     rows = [
-        [label, part, *scored(s)]
-        for label, parts in report["sets"].items()
+        [label, part, *scored(s), *scored(models[second][label][part])]
+        for label, parts in models[first].items()
         for part, s in parts.items()
     ]
-    yield table(["set", "part", *SCORES], rows)
+    head = [f"{name} {score}" for name in models for score in SCORES]
+    yield table(["set", "part", *head], rows)
+
+
+def cost() -> Iterator[str]:
+    report = read("models")
+    yield "## Cost"
+    yield (
+        f"`python benchmarks/models.py` on {report['machine']}, {report['threads']} threads, "
+        "float32: a light field of 9x9 views of 512x512 px, -4..4 px; medians of several rounds, "
+        "with and without reading the range off the views and making the confidence map."
+    )
+    rows = [
+        [
+            name,
+            f"{m['parameters']:,}",
+            f"{m['multiply_adds_per_px']:,}",
+            f"{m['predict_s']:.2f}",
+            f"{m['network_s']:.2f}",
+        ]
+        for name, m in report["models"].items()
+    ]
+    yield table(["model", "parameters", "multiply-adds per px", "predict, s", "network, s"], rows)
+    ratios = {k: report[f"{k}_epinet_over_sweepnet"] for k in ("predict", "network")}
+    text = ", ".join(f"{k} {min(r):.1f} to {max(r):.1f}" for k, r in ratios.items())
+    yield f"EPINET's time over SweepNet's, round by round: {text}."
+
+
+def calibration() -> Iterator[str]:
+    report = read("calibration")
+    yield "## SweepNet's expected error"
+    yield (
+        f"`python benchmarks/calibration.py`, the {report['pixels']:,} valid pixels of the "
+        "rendered validation set in ten classes by expected error."
+    )
+    rows = [
+        [
+            f"{c['expected_error_px']:.4f}",
+            f"{c['true_error_px']:.4f}",
+            f"{100 * c['confidence']:.1f} %",
+            f"{c['percent_within_0.07']:.1f} %",
+        ]
+        for c in report["classes"]
+    ]
+    yield table(["expected error, px", "true error, px", "confidence", "within .07"], rows)
+    yield (
+        "Mean difference between confidence and share within .07: "
+        f"{100 * report['expected_calibration_error']:.1f} percentage points. Sparsification gap: "
+        f"{report['sparsification_gap']:.3f}, where a random order has "
+        f"{report['sparsification_gap_random']:.3f} and a perfect one 0."
+    )
 
 
 def curves() -> Iterator[str]:
@@ -121,6 +175,8 @@ def page() -> str:
     sections = {
         "real_light_fields": real,
         "validation_sets": validation,
+        "models": cost,
+        "calibration": calibration,
         "training_curves": curves,
     }
     parts = [HEAD, *weights()]

@@ -19,7 +19,7 @@ from epinet.io import LAYOUTS, read_light_field, write_light_field, write_pfm
 from epinet.io.images import write_png
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import save_weights
-from epinet.model.network import Epinet, EpinetConfig
+from epinet.model.epinet import Epinet, EpinetConfig
 
 SIZE = (24, 30)
 

@@ -6,10 +6,11 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import epinet
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import load_weights
+from epinet.model.checkpoint import MODELS, load_weights, shipped_weights
 
 ROOT = Path(__file__).parent.parent
 
@@ -19,23 +20,26 @@ def test_the_wheel_carries_the_weights(tmp_path):
     subprocess.run(command, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    assert {f"epinet/model/weights/epinet_{n}x{n}.safetensors" for n in (9, 7, 5)} <= set(names)
+    shipped = ["sweepnet", *(f"epinet_{n}x{n}" for n in (9, 7, 5))]
+    assert {f"epinet/model/weights/{name}.safetensors" for name in shipped} <= set(names)
     assert "epinet/train/recipes/fast-9x9.yaml" in names
     assert "epinet/py.typed" in names
     assert not any(name.startswith("tests") for name in names)
 
 
-def test_shipped_weights_say_what_they_are():
-    weights = load_weights()
-    assert weights.net.config.views == 9
+@pytest.mark.parametrize("name", shipped_weights())
+def test_shipped_weights_say_what_they_are(name):
+    weights = load_weights(name)
+    assert name.startswith(weights.model)
     assert weights.metadata["data"].keys() == {"generator", "seed"}
     assert weights.metadata["steps"] == weights.metadata["recipe"]["steps"]
     assert {"badpix_0.07", "mse_x100"} <= set(weights.metadata["scores"])
 
 
-def test_antinous_beats_a_constant_map_tenfold(real):
+@pytest.mark.parametrize("model", MODELS)
+def test_antinous_beats_a_constant_map_tenfold(real, model):
     lf = epinet.read_light_field(real / "antinous")
-    scores = epinet.load_model().predict(lf).scores
+    scores = epinet.load_model(model=model).predict(lf).scores
     assert lf.truth is not None and scores is not None
     inner = lf.truth[15:-15, 15:-15]
     assert scores["mse_x100"] < 0.1 * 100 * np.var(inner)

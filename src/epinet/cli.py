@@ -52,6 +52,9 @@ WeightsOption = Annotated[
         help="Weights: a file, or shipped ones by name (epinet weights); default: those that fit."
     ),
 ]
+ModelOption = Annotated[
+    str | None, typer.Option(help="The network: sweepnet (the default) or epinet.")
+]
 DeviceOption = Annotated[
     str | None, typer.Option(help="cpu, cuda, cuda:1, ...; default: the GPU if there is one.")
 ]
@@ -77,7 +80,7 @@ def info(
     from epinet.predict.batch import Reading, find_light_fields
 
     reading = Reading(layout, flip_rows, flip_cols, transpose)
-    bounds = load_weights(weights).disparity_range_px
+    bounds = None if weights is None else load_weights(weights).disparity_range_px
     problems: list[str] = []
     for i, path in enumerate(find_light_fields(paths, layout, _remark)):
         try:
@@ -99,6 +102,7 @@ def predict(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder for the results: OUT/<name> for each.")
     ],
+    model: ModelOption = None,
     weights: WeightsOption = None,
     ensemble: Annotated[
         bool,
@@ -125,7 +129,7 @@ def predict(
     from epinet.predict.batch import Options, Reading, find_light_fields, predict_all
     from epinet.predict.estimator import load_model
 
-    estimator = load_model(weights, device)
+    estimator = load_model(weights, device, model)
     outcomes = predict_all(
         estimator,
         find_light_fields(paths, layout, _remark),
@@ -284,8 +288,7 @@ def _import(
 
     weights = read_keras(file)
     save_weights(output, weights.net, weights.metadata, half=False)
-    config = weights.net.config
-    print(f"{config.streams} streams of {config.views} views -> {output}")
+    print("\n".join([*weights.lines()[:1], f"-> {output}"]))
 
 
 @app.command()

@@ -3,7 +3,7 @@
 import torch
 
 from epinet.model.checkpoint import load_weights, save_weights
-from epinet.model.network import Epinet, EpinetConfig
+from epinet.model.epinet import Epinet, EpinetConfig
 
 
 def test_weights_come_back_in_half_precision_with_all_they_say(tmp_path):

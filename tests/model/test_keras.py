@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from epinet.errors import InputError
+from epinet.model.epinet import EpinetConfig
 from epinet.model.keras import read_keras
-from epinet.model.network import EpinetConfig
 
 VIEWS, WIDTH = 5, 3
 

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from epinet.model.checkpoint import Weights
+from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.model.initialise import start_on_differences
-from epinet.model.network import Epinet, EpinetConfig
 from epinet.predict.estimator import Estimator
 
 

@@ -8,7 +8,7 @@ from epinet.angular import SYMMETRIES
 from epinet.errors import InputError
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import Weights
-from epinet.model.network import Epinet, EpinetConfig
+from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.predict.confidence import photo_consistency
 from epinet.predict.estimator import Estimator, enlarge, shrink
 from epinet.predict.tiling import even_tiles, pad_views, run_tiled, tile_side_px

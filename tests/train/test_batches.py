@@ -181,3 +181,38 @@ def test_the_largest_scale_fits_what_is_rendered():
     low, high = recipe.disparity_range_px
     assert (low, high) == pytest.approx((-25 / 6, 5 / 6))
     assert low - 0.1 <= float(batch.disparity.min()) <= float(batch.disparity.max()) <= high + 0.1
+
+
+def test_batches_of_fewer_views_keep_the_outermost_and_the_truth_per_view():
+    offsets = Needs(9).offsets
+    views = torch.arange(len(offsets)).view(-1, 1, 1, 1).expand(-1, 1, 24, 24).float()
+    truth = torch.full((1, 24, 24), 0.5)
+    patch = Patch(views, offsets, truth, torch.ones(1, 24, 24, dtype=torch.bool))
+    cut = plain(views=9, patch_px=2, least_weight=1.0, fewer_views=1.0)
+    batches = Batches(cut, [(Fixed(patch), 1.0)], [], seed=1)
+    whole = Batches(replace(cut, fewer_views=0.0), [(Fixed(patch), 1.0)], [], seed=1)(0)
+    assert whole.every == 1
+    seen = set()
+    for step in range(20):
+        batch = batches(step)
+        seen.add(batch.every)
+        assert torch.equal(batch.stacks, whole.stacks[:, :, :: batch.every])
+        assert torch.equal(batch.stacks[:, :, [0, -1]], whole.stacks[:, :, [0, -1]])
+        assert (batch.disparity == 0.5 * batch.every).all()
+    assert seen == {2, 4}
+
+
+def test_what_views_always_differ_by_makes_faint_texture_count_less():
+    """Of two textures without noise, the fainter one tells its disparity less well."""
+    g = torch.Generator().manual_seed(2)
+    texture = torch.rand(32, 32, generator=g)
+    weights = [
+        Batches(
+            plain(patch_px=4, least_weight=0.01),
+            [(Fixed(made_of(3, 0.5 + c * texture)), 1.0)],
+            [],
+            1,
+        )(0).weight.mean()
+        for c in (0.002, 0.02, 0.2)
+    ]
+    assert weights[0] < weights[1] < weights[2]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.model.network import Epinet, EpinetConfig
+from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.train.optimisers import Muon, Optimisers, hidden_weights, orthogonalised
 from epinet.train.recipe import Recipe
 

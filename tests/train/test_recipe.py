@@ -26,7 +26,7 @@ def test_every_shipped_recipe_is_whole_and_described():
 def test_the_papers_recipe_is_the_papers():
     recipe = load_recipe("paper-9x9")
     assert (recipe.views, recipe.streams, recipe.batch, recipe.patch_px) == (9, 4, 16, 1)
-    assert recipe.network.parameters == 5_118_681
+    assert recipe.network().config.parameters == 5_118_681
     assert recipe.optimiser == "rmsprop"
     assert recipe.rate(0) == pytest.approx(1e-5)
     assert recipe.rate(recipe.steps) == pytest.approx(1e-6)
@@ -41,7 +41,7 @@ def test_the_papers_recipe_is_the_papers():
 
 @pytest.mark.parametrize(("name", "streams"), [("paper-1-stream", 1), ("paper-2-streams", 2)])
 def test_fewer_streams_have_as_many_parameters(name, streams):
-    config = load_recipe(name).network
+    config = load_recipe(name).network().config
     assert config.streams == streams
     assert config.parameters == pytest.approx(5_118_681, rel=0.02)
 
@@ -136,3 +136,24 @@ def test_recipes_that_are_none(tmp_path):
         parse_changes(["batch"])
     with pytest.raises(InputError, match="--without spin: no such augmentation"):
         changed_recipe("paper-9x9", [], [], ["spin"])
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ("streams=2", "streams"),
+        ("local_contrast=true", "local_contrast"),
+        ("norms=true", "norms"),
+        ("start=glorot", "start"),
+        ("patch_px=5", "patch_px"),
+    ],
+)
+def test_what_sweepnet_cannot_do_is_refused(change, named):
+    with pytest.raises(InputError, match=rf"{named}: SweepNet takes"):
+        changed_recipe("sweepnet", [change], [], [])
+    with pytest.raises(InputError, match="data: SweepNet takes"):
+        changed_recipe("sweepnet", [], ["some/folder"], [])
+    with pytest.raises(InputError, match="EPINET sees a fixed number of views"):
+        changed_recipe("fast-9x9", ["fewer_views=0.1"], [], [])
+    with pytest.raises(InputError, match="there are sweepnet, epinet"):
+        changed_recipe("fast-9x9", ["model=other"], [], [])

@@ -16,7 +16,7 @@ from torch import nn
 
 from epinet.errors import InputError
 from epinet.model.checkpoint import load_weights, save_weights
-from epinet.model.network import Epinet, EpinetConfig
+from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
 from epinet.train.recipe import Recipe, load_recipe

@@ -15,18 +15,34 @@ from torch import Tensor
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
-from epinet.model.network import Epinet, EpinetConfig
+from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.model.sweepnet import SweepNet, SweepNetConfig
 
 FORMAT = "epinet-1"
 LOCAL_CONTRAST = "local contrast"
 """Value of the metadata's "input" where the weights want views as in `model.contrast`."""
+
+SWEEPNET_VIEWS = (9, 7, 5, 3)
+"""Sides of the grids that SweepNet is shown: what it was trained on, though it takes any."""
+
+
+Network = Epinet | SweepNet
+
+EPINET, SWEEPNET = "epinet", "sweepnet"
+MODELS: dict[str, tuple[type[Network], type[EpinetConfig] | type[SweepNetConfig]]] = {
+    SWEEPNET: (SweepNet, SweepNetConfig),
+    EPINET: (Epinet, EpinetConfig),
+}
+"""The networks by name, each with its configuration; the first is used unless told otherwise."""
+
+DEFAULT_MODEL = next(iter(MODELS))
 
 
 @dataclass(frozen=True)
 class Weights:
     """A network ready to predict, and what its file says about it."""
 
-    net: Epinet
+    net: Network
     """In eval mode, float32, on the CPU."""
     metadata: dict[str, Any]
     """Recipe, data, steps, scores and "disparity_range_px"."""
@@ -39,12 +55,21 @@ class Weights:
         """Whether they were trained on local contrast; otherwise on plain gray, as published."""
         return self.metadata.get("input") == LOCAL_CONTRAST
 
+    @property
+    def model(self) -> str:
+        """Name of the network's kind."""
+        return model_of(self.net)
+
+    @property
+    def views(self) -> tuple[int, ...]:
+        """Sides of the grids of views that the network can be shown, the largest first."""
+        return SWEEPNET_VIEWS if isinstance(self.net, SweepNet) else (self.net.config.views,)
+
     def lines(self) -> list[str]:
         """What people want to know of them."""
-        config, about = self.net.config, self.metadata
+        about = self.metadata
         lines = [
-            f"network   EPINET, {config.streams} streams of {config.views} views, "
-            f"{config.parameters:,} parameters",
+            f"network   {self._network_text()}",
             f"input     {about.get('input', 'gray')}",
         ]
         if self.disparity_range_px is not None:
@@ -63,6 +88,15 @@ class Weights:
             )
         return [*lines, f"file      {self.source}"]
 
+    def _network_text(self) -> str:
+        parameters = sum(p.numel() for p in self.net.parameters())
+        if isinstance(self.net, SweepNet):
+            return f"SweepNet, 3x3 to 9x9 views, {parameters:,} parameters"
+        config = self.net.config
+        return (
+            f"EPINET, {config.streams} streams of {config.views} views, {parameters:,} parameters"
+        )
+
     @property
     def disparity_range_px(self) -> tuple[float, float] | None:
         """Range of the training scenes, where the file states it."""
@@ -70,7 +104,12 @@ class Weights:
         return None if bounds is None else (float(bounds[0]), float(bounds[1]))
 
 
-def save_weights(path: Path, net: Epinet, metadata: dict[str, Any], *, half: bool = True) -> None:
+def model_of(net: Network) -> str:
+    """Name of a network's kind."""
+    return next(name for name, (kind, _) in MODELS.items() if isinstance(net, kind))
+
+
+def save_weights(path: Path, net: Network, metadata: dict[str, Any], *, half: bool = True) -> None:
     """Write a network's weights.
 
     Args:
@@ -87,6 +126,7 @@ def save_weights(path: Path, net: Epinet, metadata: dict[str, Any], *, half: boo
     tensors = {n: stored(n, t.detach().cpu()) for n, t in net.state_dict().items()}
     header = {
         "format": FORMAT,
+        "model": model_of(net),
         "config": json.dumps(net.config.as_dict()),
         "metadata": json.dumps(metadata),
     }
@@ -94,24 +134,26 @@ def save_weights(path: Path, net: Epinet, metadata: dict[str, Any], *, half: boo
         temporary.write_bytes(save(tensors, metadata=header))
 
 
-DEFAULT = "epinet_9x9"
-"""Name of the weights to use where none are asked for."""
+def shipped_weights(model: str | None = None) -> dict[str, Path]:
+    """Files of the weights that come with the package, of one model or of all, by name.
 
-
-def shipped_weights() -> dict[str, Path]:
-    """Files of the weights that come with the package, by name."""
+    Raises:
+        InputError: there is no such model.
+    """
+    if model is not None and model not in MODELS:
+        raise InputError(f"model {model}: there are {', '.join(MODELS)}")
     folder = Path(str(resources.files("epinet.model") / "weights"))
-    return {path.stem: path for path in sorted(folder.glob("*.safetensors"))}
+    return {path.stem: path for path in sorted(folder.glob(f"{model or ''}*.safetensors"))}
 
 
-def load_weights(path: Path | str | None = None) -> Weights:
-    """Read weights: a file, shipped ones by their name, or None for the default.
+def load_weights(path: Path | str) -> Weights:
+    """Read weights: a file, or shipped ones by their name.
 
     Raises:
         InputError: not a weights file of epinet, or damaged.
     """
     shipped = shipped_weights()
-    file = shipped.get(str(path or DEFAULT), Path(path or DEFAULT))
+    file = shipped.get(str(path), Path(path))
     if not file.is_file():
         raise InputError(
             f"{file}: no such weights file, and none of the shipped {', '.join(shipped)}"
@@ -128,7 +170,8 @@ def load_weights(path: Path | str | None = None) -> Weights:
             f"{file}: safetensors, but not weights of epinet (its metadata lacks format={FORMAT})"
         )
     try:
-        net = Epinet(EpinetConfig(**json.loads(header["config"])))
+        kind, config = MODELS[header.get("model", EPINET)]
+        net = kind(config(**json.loads(header["config"])))  # type: ignore[arg-type]
         metadata = json.loads(header["metadata"])
         net.load_state_dict(
             {n: t.float() if t.is_floating_point() else t for n, t in tensors.items()}

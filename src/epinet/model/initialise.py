@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor, nn
 
-from epinet.model.network import Epinet, ViewConv
+from epinet.model.epinet import Epinet, ViewConv
 
 
 def start_on_differences(net: Epinet, gain: float = 10.0) -> None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from epinet.errors import InputError
 from epinet.io.problems import parsing
 from epinet.model.checkpoint import Weights
-from epinet.model.network import Epinet, EpinetConfig
+from epinet.model.epinet import Epinet, EpinetConfig
 
 _WEIGHT = re.compile(
     r"(?P<layer>S[12]_(?:c1|c2|BN)\d|S3_c10|S3_last)(?:_\d+)?/(?P<kind>\w+?)(?::0)?$"

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor, nn
 
-from epinet.model.network import Epinet, batch_norm
+from epinet.model.epinet import Epinet, batch_norm
 
 
 class NormedConv(nn.Module):

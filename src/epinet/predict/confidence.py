@@ -1,4 +1,8 @@
-"""How well the views agree under an estimate.
+"""How far an estimate can be trusted.
+
+SweepNet predicts its mean error b; the confidence is the probability that the error is at most
+0.07 px if errors spread as Laplace's distribution: 1 - exp(-0.07 / b). How true that is, is
+measured in docs/results.md. EPINET predicts no error; its confidence is how well the views agree.
 
 For each pixel of the centre view, the views of the star are sampled where the estimate says the
 pixel is seen; r is the mean absolute difference to the centre (luma in 0..1, averaged over 3x3
@@ -22,11 +26,19 @@ from torch.nn import functional as F
 from epinet.angular import star_positions
 from epinet.lightfield import LightField
 
+WITHIN_PX = 0.07
+"""Errors up to this are what the benchmark calls good."""
+
 TOLERANCE = 0.02
 """Difference in luma (0..1) at which the confidence is one half: about 5 gray levels of 255."""
 
 BAND_PX = 2**17
 """Pixels handled at once, to bound memory: some 200 MB with 32 views."""
+
+
+def probably_good(error_px: Tensor) -> NDArray[np.float32]:
+    """Confidence (H, W) in 0..1 of a map whose mean error (H, W) is predicted."""
+    return (-torch.expm1(-WITHIN_PX / error_px)).cpu().numpy()
 
 
 @torch.inference_mode()

@@ -15,16 +15,22 @@ from torch.nn import functional as F
 
 from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
+from epinet.inspect.disparity_range import estimate_range
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import Weights, load_weights, shipped_weights
+from epinet.model.checkpoint import DEFAULT_MODEL, Weights, load_weights, shipped_weights
 from epinet.model.contrast import local_contrast
-from epinet.model.network import Epinet
-from epinet.predict.confidence import photo_consistency
+from epinet.model.epinet import Epinet
+from epinet.model.sweepnet import SweepNet
+from epinet.predict.confidence import photo_consistency, probably_good
 from epinet.predict.result import Result
-from epinet.predict.tiling import run_tiled, tile_side_px
+from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
+from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1024.0
 LOW_CONFIDENCE = 0.5
+
+LEAST_SLACK_PX, SLACK = 0.5, 0.1
+"""A search goes so much, or this share of its range, beyond the disparities that the views show."""
 
 Progress = Callable[[float], None]
 
@@ -48,7 +54,7 @@ class Estimator:
     """
 
     def __init__(self, *weights: Weights, device: str | None = None) -> None:
-        self.weights = sorted(weights, key=lambda w: w.net.config.views, reverse=True)
+        self.weights = sorted(weights, key=lambda w: w.views[0], reverse=True)
         self.device = choose_device(device)
         for w in weights:
             w.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -86,18 +92,28 @@ class Estimator:
         start = time.perf_counter()
         weights, used = self._fitting(lf, step)
         net = weights.net
-        if ensemble and net.config.streams != 4:
+        streams = net.config.streams if isinstance(net, Epinet) else 4
+        if ensemble and streams != 4:
             raise InputError("the ensemble turns streams into each other and needs all four")
-        stacks = torch.from_numpy(used.stacks(net.config.views, net.config.streams))
-        side = tile_side_px(net, memory_mb)
-        prepared = time.perf_counter()
+        stacks = torch.from_numpy(used.stacks(used.grid[0], streams))
         seen = shrink(stacks, scale).to(self.device)
-        if weights.sees_local_contrast:
-            seen = local_contrast(seen)
-        map_ = _estimate(net, seen, ensemble, side, progress)
+        error: Tensor | None = None
+        if isinstance(net, Epinet):
+            if weights.sees_local_contrast:
+                seen = local_contrast(seen)
+            bounds = weights.disparity_range_px
+            prepared = time.perf_counter()
+            map_ = _by_epinet(net, seen, ensemble, memory_mb, progress)
+        else:
+            bounds = search_range(used, scale)
+            prepared = time.perf_counter()
+            map_, error = _by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress)
         disparity = enlarge(map_, scale, lf.size).cpu().numpy()
         estimated = time.perf_counter()
-        confidence = photo_consistency(used, disparity)
+        if error is None:
+            confidence = photo_consistency(used, disparity)
+        else:
+            confidence = probably_good(enlarge(error, scale, lf.size))
         done = time.perf_counter()
         return Result(
             disparity=disparity,
@@ -109,6 +125,7 @@ class Estimator:
                 "step": step,
                 "memory_mb": memory_mb,
                 "device": str(self.device),
+                "range_px": None if bounds is None else [round(scale * b, 2) for b in bounds],
             },
             weights={"file": weights.source} | weights.metadata,
             seconds={
@@ -128,7 +145,7 @@ class Estimator:
             problems.append(f"{name}: views of {lf.size[1]}x{lf.size[0]} px are too small for it")
         if not (math.isfinite(memory_mb) and memory_mb > 0):
             problems.append(f"the memory bound must be positive, not {memory_mb} MB")
-        fewest = self.weights[-1].net.config.views
+        fewest = min(w.views[-1] for w in self.weights)
         if min(lf.grid) < fewest:
             problems.append(
                 f"{name}: has {lf.grid[0]}x{lf.grid[1]} views, the weights "
@@ -140,8 +157,8 @@ class Estimator:
     def _fitting(self, lf: LightField, step: int) -> tuple[Weights, LightField]:
         """The weights of most views that the light field has, and those views."""
         problems = []
-        for weights in self.weights:
-            views = weights.net.config.views
+        choices = [(views, weights) for weights in self.weights for views in weights.views]
+        for views, weights in sorted(choices, key=lambda choice: choice[0], reverse=True):
             try:
                 used = lf.central(views, step)
             except InputError as error:
@@ -157,7 +174,24 @@ class Estimator:
         raise InputError(problems)
 
 
-def _estimate(net: Epinet, stacks: Tensor, ensemble: bool, side: int, progress: Progress) -> Tensor:
+def search_range(lf: LightField, scale: int = 1) -> tuple[float, float]:
+    """Disparities to look for, in px of views shrunk by `scale`: those that the views show.
+
+    Where they show too little texture to tell, the benchmark's.
+    """
+    with torch.autocast("cpu", enabled=False):  # of a training run that validates
+        found = estimate_range(lf)
+    if found is None:
+        return RANGES_PX["hci"]
+    slack = max(LEAST_SLACK_PX, SLACK * (found.max_px - found.min_px))
+    return (found.min_px - slack) / scale, (found.max_px + slack) / scale
+
+
+def _by_epinet(
+    net: Epinet, stacks: Tensor, ensemble: bool, memory_mb: float, progress: Progress
+) -> Tensor:
+    side = tile_side_px(net, memory_mb)
+
     def advance(share: float) -> None:
         progress(share / len(SYMMETRIES))
 
@@ -167,6 +201,28 @@ def _estimate(net: Epinet, stacks: Tensor, ensemble: bool, side: int, progress: 
     for s in SYMMETRIES:
         total += s.undo(run_tiled(net, s.apply_to_stacks(stacks), side, advance))
     return total / len(SYMMETRIES)
+
+
+def _by_sweepnet(
+    net: SweepNet,
+    stacks: Tensor,
+    range_px: tuple[float, float],
+    ensemble: bool,
+    memory_mb: float,
+    progress: Progress,
+) -> tuple[Tensor, Tensor]:
+    symmetries = SYMMETRIES if ensemble else SYMMETRIES[:1]
+
+    def advance(share: float) -> None:
+        progress(share / len(symmetries))
+
+    total = torch.zeros(2, *stacks.shape[-2:], device=stacks.device)
+    for s in symmetries:
+        made = run_overlapping(net, s.apply_to_stacks(stacks), range_px, memory_mb, advance)
+        for whole, map_ in zip(total, made, strict=True):
+            whole += s.undo(map_)
+    disparity, error = total / len(symmetries)
+    return disparity, error
 
 
 def _warnings(weights: Weights, disparity: Any, confidence: Any, scale: int) -> tuple[str, ...]:
@@ -223,16 +279,23 @@ def choose_device(name: str | None = None) -> torch.device:
     return device
 
 
-def load_model(weights: Path | str | None = None, device: str | None = None) -> Estimator:
+def load_model(
+    weights: Path | str | None = None, device: str | None = None, model: str | None = None
+) -> Estimator:
     """A model ready to predict.
 
     Args:
         weights: a .safetensors file of epinet, or the name of shipped weights. None takes, for
-            each light field, the shipped weights of most views that it has.
+            each light field, the model's shipped weights of most views that it has.
         device: e.g. "cpu" or "cuda:1"; None takes a GPU where there is one.
+        model: "sweepnet" (the default) or "epinet"; weights that are named need none.
 
     Raises:
-        InputError: the weights cannot be used or there is no such device.
+        InputError: the weights cannot be used, are of another model, or there is no such device.
     """
-    names = list(shipped_weights()) if weights is None else [weights]
-    return Estimator(*map(load_weights, names), device=device)
+    names = list(shipped_weights(model or DEFAULT_MODEL)) if weights is None else [weights]
+    loaded = [load_weights(name) for name in names]
+    for w in loaded:
+        if model is not None and w.model != model:
+            raise InputError(f"{w.source}: weights of {w.model}, not of {model}")
+    return Estimator(*loaded, device=device)

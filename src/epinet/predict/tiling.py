@@ -1,4 +1,8 @@
-"""A network over a picture of any size within a bound on memory; exactly as if in one piece."""
+"""A network over a picture of any size within a bound on memory.
+
+EPINET's convolutions are valid, so its tiles give exactly what the whole picture gives. SweepNet
+sees far: its tiles overlap by `OVERLAP_PX`, beyond which little reaches (see docs/sweepnet.md).
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,18 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from epinet.model.network import MARGIN_PX, Epinet
+from epinet.model.epinet import MARGIN_PX, Epinet
+from epinet.model.sweepnet import SweepNet
 
 FLOATS_PER_PX_AND_CHANNEL = 5.3
 """Peak of what the merge part holds at once (measured; see benchmarks/memory.py)."""
+
+
+OVERLAP_PX = 64
+"""What SweepNet's tiles share with each neighbour."""
+
+SWEEPNET_FLOATS_PER_PX = 1010
+"""Peak of what SweepNet holds at once for -4..4 px (see benchmarks/memory.py)."""
 
 
 def tile_side_px(net: Epinet, memory_mb: float) -> int:
@@ -53,6 +65,31 @@ def run_tiled(
             out[top:bottom, left:right] = net(tile[None])[0, 0]
         advance((bottom - top) * (right - left) / (height * width))
     return out
+
+
+@torch.inference_mode()
+def run_overlapping(
+    net: SweepNet,
+    stacks: Tensor,
+    range_px: tuple[float, float],
+    memory_mb: float,
+    advance: Callable[[float], None] = lambda share: None,
+) -> tuple[Tensor, Tensor]:
+    """Disparity and its expected error (H, W), both px, of stacks (4, N, H, W)."""
+    height, width = stacks.shape[-2:]
+    side = math.isqrt(int(memory_mb * 2**20 / 4 / SWEEPNET_FLOATS_PER_PX))
+    inner = max(64, side - 2 * OVERLAP_PX) if max(height, width) > side else side
+    disparity, error = torch.empty(2, height, width, device=stacks.device)
+    for top, bottom, left, right in _tiles(height, width, inner):
+        rows = slice(max(0, top - OVERLAP_PX), bottom + OVERLAP_PX)
+        cols = slice(max(0, left - OVERLAP_PX), right + OVERLAP_PX)
+        with torch.backends.cudnn.flags(allow_tf32=False):  # float32 means float32
+            made = net(stacks[None, :, :, rows, cols], range_px)
+        for whole, tile in ((disparity, made.maps[-1]), (error, made.log_error.exp())):
+            tile = tile[0, 0, top - rows.start :, left - cols.start :]
+            whole[top:bottom, left:right] = tile[: bottom - top, : right - left]
+        advance((bottom - top) * (right - left) / (height * width))
+    return disparity, error
 
 
 def _tiles(height: int, width: int, side: int) -> Iterator[tuple[int, int, int, int]]:

@@ -94,7 +94,7 @@ def photographed(g: Generator, views: Tensor, faults: Faults) -> Photos:
     dice = Dice(g)
     one = (b, 1, 1, 1, 1)
     uneven = 0.04 * faults.exposure * _share(g, faults, 4, *one)
-    dark = torch.where(dice.chance(0.35, *one), dice.log_uniform(DARKEST, 1, *one), 1.0)
+    dark = torch.where(dice.chance(0.2, *one), dice.log_uniform(DARKEST, 1, *one), 1.0)
     gain = (dark * torch.exp(dice.uniform(-0.4, 0.4, *one))) ** faults.exposure
     gain = gain * (1 + uneven * torch.randn(b, p, 1, 1, 1, generator=g))
     gain = gain * (1 + 0.5 * uneven * torch.randn(b, p, c, 1, 1, generator=g))

@@ -91,6 +91,9 @@ HELD_OUT: Mapping[str, Family] = MappingProxyType(
 FAINTEST = 0.005
 """The smallest contrast drawn: about one step of 8 bits; below lie wholly flat tiles only."""
 
+GRAINED, GRAIN = 0.75, (0.004, 0.15)
+"""Share of the tiles with grain, and its deviation as a share of their brightness."""
+
 _AT_ONCE = 1 << 22
 
 
@@ -162,7 +165,7 @@ def _made(
     """(n, 3, side, side) tiles of patterns in random colours."""
     pattern, mask, other = _combined(dice, families, n, side)
     level = _means(dice, n)
-    amount = _contrasts(dice, n, bounds, faint=0.5)
+    amount = _contrasts(dice, n, bounds, faint=0.4)
     hue = _hues(dice, n)
     # a power moves the pattern's own middle towards the tile's
     power = (level.log() / math.log(0.5)).clamp(0.35, 2.5)
@@ -173,7 +176,20 @@ def _made(
     shade = shade * dice.uniform(0, 0.3, n, 1, 1, 1) * dice.each_chance(n, 0.4)[:, None]
     colour = (colour * (1 + shade)).clamp(0, 1)
     flat = (level * _tint(dice, n, hue, 0.1)).clamp(0, 1)
-    return torch.lerp(flat.expand_as(colour), colour, amount)
+    tile = torch.lerp(flat.expand_as(colour), colour, amount)
+    return (tile * (1 + _grain(dice, n, side, bounds))).clamp(0, 1)
+
+
+def _grain(dice: Dice, n: int, side: int, bounds: tuple[float, float]) -> Tensor:
+    """(n, 1, side, side) fine noise that most surfaces have, whatever their pattern.
+
+    Without it, what lies between the edges of a pattern is flat, as few things are.
+    """
+    if bounds[1] <= 0:
+        return torch.zeros(n, 1, 1, 1, device=dice.device)
+    noise = periodic_noise(dice, n, side, dice.each(n, 0, 1.5))[:, None]
+    strength = dice.log_uniform(*GRAIN, n, 1, 1, 1) * bounds[1]
+    return noise * strength * dice.each_chance(n, GRAINED)[:, None]
 
 
 def _combined(

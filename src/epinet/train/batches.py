@@ -14,7 +14,7 @@ from torch.nn import functional as F
 from epinet.angular import STREAM_DIRECTIONS_DEG, direction_positions
 from epinet.io.problems import Problems
 from epinet.model.contrast import WINDOW_PX, contrast_unit, local_contrast
-from epinet.model.network import MARGIN_PX
+from epinet.model.epinet import MARGIN_PX
 from epinet.predict.batch import find_light_fields
 from epinet.synth.faults import ROUNDING
 from epinet.synth.generator import generator
@@ -30,8 +30,15 @@ TRIES = 50
 SHARD_STRIDE = 1_000_003
 """Distance of the seeds of the scenes that a run's shards render."""
 
+UNTOLD = 0.006
+"""Views differ about so much in practice whatever their noise: interpolation, highlights, unequal
+exposure."""
+
 TOLD_PX = 0.03
 """Pixels whose disparity the views tell to within this standard deviation count half."""
+
+FEWER = (2, 4)
+"""Batches that show fewer views show every so many-th on each side of the centre view."""
 
 CONTRAST_MARGIN_PX = WINDOW_PX // 2
 
@@ -43,10 +50,12 @@ class Batch:
     stacks: Tensor
     """(B, S, N, P + 22, P + 22) gray views, or their local contrast."""
     disparity: Tensor
-    """(B, 1, P, P) px per adjacent view."""
+    """(B, 1, P, P) px per adjacent view of the stacks."""
     weight: Tensor
     """(B, 1, P, P): 1 where the truth can be told from the views, less where there is little
     texture to match for the noise, 0 on mirrors and where the truth is unknown."""
+    every: int = 1
+    """The stacks hold every so many-th view on each side of the centre view."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +76,9 @@ class Cut:
     """What pixels count whose disparity the views do not tell; see `information`. None rejects
     whole patches as the paper does: those whose middle is textureless, and those that touch a
     mirror."""
+
+    fewer_views: float = 0.0
+    """Share of the batches that show every second or fourth view only, with the same outermost."""
 
     @property
     def seen_px(self) -> int:
@@ -129,7 +141,15 @@ class Batches:
         if self.cut.local_contrast:
             views = local_contrast(views)[..., margin:-margin, margin:-margin]
         truths = torch.stack([patch.truth()[0][None, inner, inner] for patch, _ in patches])
-        return Batch(views, truths, weight)
+        every = self._every(g)
+        return Batch(views[:, :, ::every], every * truths, weight, every)
+
+    def _every(self, g: Generator) -> int:
+        """Of the views on each side of the centre view, every so many-th is shown."""
+        half = self.cut.views // 2
+        choices = [k for k in FEWER if half % k == 0]
+        share, choice = torch.rand(2, generator=g).tolist()
+        return choices[int(choice * len(choices))] if share < self.cut.fewer_views else 1
 
     def _patch(self, g: Generator, step: int, place: int) -> tuple[Patch, bool]:
         """A patch, and whether it is one to learn from."""
@@ -163,9 +183,11 @@ class Batches:
             return accepted.view(-1, 1, 1, 1).to(usable.device) * torch.ones_like(usable).float()
         centre = torch.stack([patch.view((0, 0)) for patch, _ in patches])
         noise = torch.stack([_noise(patch) for patch, _ in patches])
+        other = torch.full_like(noise, UNTOLD)
         if cut.local_contrast:
-            centre, noise = local_contrast(centre), noise / contrast_unit(centre)
-        deviation = disparity_deviation(centre, noise, cut.offsets)[..., inner, inner]
+            unit = contrast_unit(centre)
+            centre, noise, other = local_contrast(centre), noise / unit, other / unit
+        deviation = disparity_deviation(centre, noise, cut.offsets, other)[..., inner, inner]
         told = 1 / (1 + (deviation / TOLD_PX) ** 2)
         return told.clamp_min(cut.least_weight) * usable
 
@@ -227,6 +249,7 @@ def batches_of(
         local_contrast=recipe.local_contrast,
         texture_threshold=recipe.texture_threshold,
         least_weight=recipe.least_weight,
+        fewer_views=recipe.fewer_views,
     )
     needs = Needs(recipe.views, recipe.shifted)
     side = cut.side_px * max(recipe.scales)

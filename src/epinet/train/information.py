@@ -12,7 +12,10 @@ WINDOW_PX = 9
 
 
 def disparity_deviation(
-    centre: Tensor, noise: Tensor, offsets: Sequence[tuple[int, int]]
+    centre: Tensor,
+    noise: Tensor,
+    offsets: Sequence[tuple[int, int]],
+    other: Tensor | float = 0.0,
 ) -> Tensor:
     """Standard deviation of the best estimate of each disparity: its Cramer-Rao bound.
 
@@ -24,6 +27,8 @@ def disparity_deviation(
         centre: (B, 1, H, W) centre view, with its noise.
         noise: (B, 1, H, W) standard deviation of the noise of every view, in the same units.
         offsets: (row, column) of the views from the centre view.
+        other: standard deviation of what else makes views differ, which the centre view does not
+            show as noise.
 
     Returns:
         (B, 1, H, W) px per adjacent view; infinite where there is no texture. The window's half
@@ -37,7 +42,7 @@ def disparity_deviation(
     # Noise itself has differences: half its variance in each direction.
     texture = cols * across**2 + rows * down**2 - 0.5 * (rows + cols) * variance
     pixels = WINDOW_PX**2
-    information = pixels * _mean(texture).clamp_min(0) / _mean(variance)
+    information = pixels * _mean(texture).clamp_min(0) / _mean(variance + other * other)
     return information.rsqrt()
 
 

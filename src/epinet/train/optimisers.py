@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.optim import AdamW, Optimizer, RMSprop
 
-from epinet.model.network import Epinet, ViewConv
+from epinet.model.epinet import ViewConv
 from epinet.train.recipe import Recipe
 
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
@@ -85,7 +85,7 @@ class Optimisers:
 
     ADAM_RATE = 0.3
 
-    def __init__(self, net: Epinet, recipe: Recipe) -> None:
+    def __init__(self, net: nn.Module, recipe: Recipe) -> None:
         rate, decay = recipe.learning_rate, recipe.weight_decay
         parameters = list(net.parameters())
         self.parts: list[tuple[Optimizer, float]]
@@ -118,8 +118,12 @@ class Optimisers:
             optimiser.load_state_dict(state)
 
 
-def hidden_weights(net: Epinet) -> list[nn.Parameter]:
-    """Weights of all convolutions but the first of each stream and the last."""
+def hidden_weights(net: nn.Module) -> list[nn.Parameter]:
+    """Weights of all convolutions but EPINET's first and those that narrow down to an output."""
     convolutions = [m for m in net.modules() if isinstance(m, nn.Conv2d)]
-    hidden = [c for c in convolutions if not isinstance(c, ViewConv) and c.out_channels > 1]
+    hidden = [
+        c
+        for c in convolutions
+        if not isinstance(c, ViewConv) and 2 * c.out_channels >= c.in_channels
+    ]
     return [cast(nn.Parameter, c.weight) for c in hidden]

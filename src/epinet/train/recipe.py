@@ -22,14 +22,16 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from epinet.errors import InputError
 from epinet.io.problems import parsing
-from epinet.model.network import STREAM_COUNTS, VIEW_COUNTS, EpinetConfig
+from epinet.model.checkpoint import EPINET, MODELS, SWEEPNET, Network
+from epinet.model.epinet import STREAM_COUNTS, VIEW_COUNTS, Epinet, EpinetConfig
+from epinet.model.sweepnet import SweepNet
 from epinet.synth.options import RANGES_PX
 from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, ViewShift
 
 SUFFIX = ".yaml"
 
 
-GLOROT, DIFFERENCES = "glorot", "differences"
+GLOROT, DIFFERENCES, OWN = "glorot", "differences", "own"
 """Ways to start from scratch."""
 
 
@@ -61,13 +63,15 @@ class Recipe(_Model):
     about: str = ""
 
     # The network.
+    model: str = EPINET
+    """"epinet", or "sweepnet"."""
     views: int = 9
     streams: int = 4
     local_contrast: bool = False
     """The network sees each view with its local mean and contrast normalised, not plain gray."""
     start: str = GLOROT
     """Starting weights: "glorot", Keras' default; "differences", He's on differences to the centre
-    view; or trained ones: a file, or the name of shipped ones."""
+    view; "own", SweepNet's; or trained ones: a file, or the name of shipped ones."""
 
     norms: bool = False
     """Batch normalisation behind every hidden convolution; it folds into the weights kept."""
@@ -87,6 +91,8 @@ class Recipe(_Model):
     patch_px: Annotated[int, Field(ge=1)] = 1
     """Side of the map a patch gives; its views are 22 px larger."""
     batch: Annotated[int, Field(ge=1)] = 16
+    fewer_views: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Share of the batches that show SweepNet every second or fourth view only."""
     narrow: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Rendered scenes begin with this share of their range of disparities ..."""
     widening: Annotated[float, Field(ge=0, le=1)] = 0.0
@@ -117,6 +123,14 @@ class Recipe(_Model):
 
     @model_validator(mode="after")
     def _possible(self) -> Recipe:
+        if self.model not in MODELS:
+            raise ValueError(f"model: there are {', '.join(MODELS)}, not {self.model}")
+        if self.model == SWEEPNET:
+            self._possible_for_sweepnet()
+        elif self.fewer_views:
+            raise ValueError("fewer_views: EPINET sees a fixed number of views")
+        elif self.start == OWN:
+            raise ValueError(f"start: EPINET starts from {GLOROT}, {DIFFERENCES} or weights")
         if self.views not in VIEW_COUNTS:
             raise ValueError(f"views must be one of {VIEW_COUNTS}, not {self.views}")
         if self.streams not in STREAM_COUNTS:
@@ -138,10 +152,27 @@ class Recipe(_Model):
             raise ValueError("an exponential decay never reaches a final_learning_rate of 0")
         return self
 
-    @property
-    def network(self) -> EpinetConfig:
-        """The network to train."""
-        return EpinetConfig.of_equal_size(self.streams, self.views)
+    def _possible_for_sweepnet(self) -> None:
+        wrong = {
+            "streams": self.streams != 4,
+            "local_contrast": self.local_contrast,
+            "norms": self.norms,
+            "start": self.start in (GLOROT, DIFFERENCES),
+            "patch_px": self.patch_px % 2 == 1,
+            "data": self.disparity_range_px is None,
+        }
+        if any(wrong.values()):
+            names = ", ".join(name for name, is_wrong in wrong.items() if is_wrong)
+            raise ValueError(
+                f"{names}: SweepNet takes 4 streams of plain gray views of rendered scenes in "
+                f"patches of even size, has no norms, and starts from {OWN} or weights"
+            )
+
+    def network(self) -> Network:
+        """The network to train, untrained."""
+        if self.model == SWEEPNET:
+            return SweepNet()
+        return Epinet(EpinetConfig.of_equal_size(self.streams, self.views))
 
     def chosen_augmentations(self) -> tuple[Augmentation, ...]:
         """The augmentations in the order in which they are applied."""
@@ -151,7 +182,7 @@ class Recipe(_Model):
 
     @property
     def from_scratch(self) -> bool:
-        return self.start in (GLOROT, DIFFERENCES)
+        return self.start in (GLOROT, DIFFERENCES, OWN)
 
     @property
     def shifted(self) -> bool:
@@ -196,6 +227,17 @@ class Recipe(_Model):
         bounds = [RANGES_PX[name] for name in names]
         low, high = min(b[0] for b in bounds), max(b[1] for b in bounds)
         return low / min(self.scales), high / min(self.scales)
+
+    @property
+    def limits_px(self) -> tuple[float, float] | None:
+        """Disparities beyond which the network knows nothing, as far as that is known."""
+        return None if self.model == SWEEPNET else self.disparity_range_px
+
+    @property
+    def search_px(self) -> tuple[float, float]:
+        """Disparities that SweepNet looks for while it learns."""
+        assert self.disparity_range_px is not None
+        return self.disparity_range_px
 
     def as_dict(self) -> dict[str, Any]:
         return self.model_dump(mode="json")

@@ -31,18 +31,19 @@ from torch.optim.swa_utils import AveragedModel
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, check_writable
-from epinet.model.checkpoint import LOCAL_CONTRAST, Weights, load_weights, save_weights
+from epinet.model.checkpoint import LOCAL_CONTRAST, Network, Weights, load_weights, save_weights
+from epinet.model.epinet import Epinet
 from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
-from epinet.model.network import Epinet
 from epinet.model.normed import add_norms, calibrate_norms, without_norms
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
 from epinet.train.batches import Batch, batches_of
 from epinet.train.interruption import interruption
 from epinet.train.log import Log
+from epinet.train.losses import batch_loss
 from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
-from epinet.train.recipe import DIFFERENCES, GLOROT, Recipe
+from epinet.train.recipe import DIFFERENCES, GLOROT, OWN, Recipe
 from epinet.train.validation import Validation
 
 STATISTICS_BATCHES = 48
@@ -112,13 +113,13 @@ class Run:
         self.batches = batches_of(recipe, mine, textures=textures, device=str(self.device))
         check_writable(folder)
         torch.manual_seed(recipe.seed)
-        self.net = Epinet(recipe.network)
+        self.net = recipe.network()
         self.started_from: dict[str, Any] | None = None
         resumed = self._checkpoint.exists()
         if not resumed:
             self._begin()
         elif recipe.norms:
-            add_norms(self.net)
+            add_norms(_epinet(self.net))
         self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = AveragedModel(self.net, avg_fn=self._average)
         self.optimisers = Optimisers(self.net, recipe)
@@ -138,17 +139,17 @@ class Run:
     def _begin(self) -> None:
         recipe = self.recipe
         if recipe.start == DIFFERENCES:
-            start_on_differences(self.net)
+            start_on_differences(_epinet(self.net))
         elif recipe.start == GLOROT:
-            start_as_keras(self.net)
-        else:
-            start = _starting_weights(recipe)
+            start_as_keras(_epinet(self.net))
+        elif recipe.start != OWN:
+            start = load_weights(recipe.start)
             self.started_from = start.metadata
-            self.net.load_state_dict(with_fewer_views(start.net, recipe.views).state_dict())
+            self.net.load_state_dict(_fitted(start, self.net).state_dict())
         if recipe.norms:
-            add_norms(self.net)
+            add_norms(_epinet(self.net))
             if not recipe.from_scratch:
-                calibrate_norms(self.net, self.batches[0](0).stacks.cpu())
+                calibrate_norms(_epinet(self.net), self.batches[0](0).stacks.cpu())
 
     def _average(self, average: Tensor, new: Tensor, updates: Tensor | int) -> Tensor:
         decay = min(self.recipe.averaging, (1 + int(updates)) / (10 + int(updates)))
@@ -214,7 +215,7 @@ class Run:
         return {
             "recipe": self.recipe.as_dict(),
             "data": {"generator": VERSION, "seed": self.recipe.seed},
-            "disparity_range_px": self.recipe.disparity_range_px,
+            "disparity_range_px": self.recipe.limits_px,
             "input": LOCAL_CONTRAST if self.recipe.local_contrast else "gray",
             "started_from": self.started_from,
             "steps": self.step,
@@ -320,13 +321,7 @@ class Run:
     def _loss(self, batch: Batch) -> Tensor:
         """Mean loss over the pixels of a shard, by their weights."""
         with self._autocast():
-            estimate = self.net(batch.stacks)
-        loss = (estimate - batch.disparity).abs()
-        scale = self.recipe.loss_scale_px
-        if scale is not None:
-            loss = scale * torch.log1p(loss / scale)
-        mean: Tensor = (loss * batch.weight).sum() / batch.weight.sum().clamp_min(1)
-        return mean
+            return batch_loss(self.net, batch, self.recipe)
 
     def _autocast(self) -> torch.autocast:
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bf16)
@@ -381,12 +376,14 @@ class Run:
 
         As long as batch normalisation learns, with statistics of their own over the last batches.
         """
-        net = copy.deepcopy(cast(Epinet, self.averaged.module))
-        if not self._norms_fixed:
-            self._take_statistics(net)
-        for norm in _norms(net):
-            norm.num_batches_tracked = torch.tensor(self.step)  # whatever the number of shards
-        return Weights(without_norms(net.eval()), self.metadata(), str(self.folder))
+        net: Network = copy.deepcopy(cast(Network, self.averaged.module))
+        if isinstance(net, Epinet):
+            if not self._norms_fixed:
+                self._take_statistics(net)
+            for norm in _norms(net):
+                norm.num_batches_tracked = torch.tensor(self.step)  # whatever the number of shards
+            net = without_norms(net)
+        return Weights(net.eval(), self.metadata(), str(self.folder))
 
     def _take_statistics(self, net: Epinet) -> None:
         for norm in _norms(net):
@@ -408,18 +405,26 @@ class Run:
         )
 
 
-def _starting_weights(recipe: Recipe) -> Weights:
-    """Trained ones, of as many views as the recipe's or more."""
-    start = load_weights(recipe.start)
-    views = start.net.config.views
-    if replace(start.net.config, views=recipe.views) != recipe.network:
-        raise InputError(f"{start.source}: weights of another network than the recipe's")
-    if views < recipe.views:
-        raise InputError(
-            f"{start.source}: weights of {views} views are no start for {recipe.views}; the other "
-            "way round they are"
-        )
-    return start
+def _fitted(start: Weights, net: Network) -> Network:
+    """Trained weights for a network that sees as many views, or fewer."""
+    theirs, ours = start.net, net
+    if isinstance(theirs, Epinet) and isinstance(ours, Epinet):
+        views = ours.config.views
+        if replace(theirs.config, views=views) == ours.config:
+            if theirs.config.views >= views:
+                return with_fewer_views(theirs, views)
+            raise InputError(
+                f"{start.source}: weights of {theirs.config.views} views are no start for {views}; "
+                "the other way round they are"
+            )
+    elif theirs.config == ours.config:
+        return theirs
+    raise InputError(f"{start.source}: weights of another network than the recipe's")
+
+
+def _epinet(net: Network) -> Epinet:
+    assert isinstance(net, Epinet)
+    return net
 
 
 def _norms(net: nn.Module) -> list[nn.BatchNorm2d]:

@@ -1,0 +1,80 @@
+"""What training minimises, for each network."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from epinet.model.checkpoint import Network
+from epinet.model.epinet import MARGIN_PX, Epinet
+from epinet.model.sweepnet import Estimates
+from epinet.train.batches import Batch
+from epinet.train.recipe import Recipe
+
+CLASSES, ERROR = 0.2, 0.02
+"""Weights of the sweep's classification and of the expected error, beside the maps' errors."""
+EARLIER = 0.5
+"""Weight of each map before the last."""
+FAR = 0.1
+"""Share of the plain absolute error beside the robust one, so that gross errors count."""
+
+
+def batch_loss(net: Network, batch: Batch, recipe: Recipe) -> Tensor:
+    """Mean loss over the pixels of a batch, by their weights."""
+    if isinstance(net, Epinet):
+        error = (net(batch.stacks) - batch.disparity).abs()
+        return _mean(_robust(error, recipe.loss_scale_px), batch.weight)
+    low, high = recipe.search_px
+    estimates = net(batch.stacks, (batch.every * low, batch.every * high))
+    return sweepnet_loss(
+        estimates.scaled(1 / batch.every),
+        batch.disparity / batch.every,
+        batch.weight,
+        recipe.loss_scale_px,
+    )
+
+
+def sweepnet_loss(
+    estimates: Estimates, disparity: Tensor, weight: Tensor, scale_px: float | None
+) -> Tensor:
+    """Errors of all maps, of the sweep's classes and of the expected error.
+
+    Args:
+        estimates: of views.
+        disparity: (B, 1, P, P) the truth of their inner part, MARGIN_PX from their edges.
+        weight: (B, 1, P, P) of its pixels.
+        scale_px: of the robust loss.
+    """
+    loss = CLASSES * _class_loss(estimates, disparity, weight)
+    for k, map_ in enumerate(estimates.maps):
+        error = (_inner(map_) - disparity).abs()
+        share = 1.0 if k == len(estimates.maps) - 1 else EARLIER
+        loss = loss + share * _mean(_robust(error, scale_px) + FAR * error, weight)
+    # Laplace's distribution about the last map, which this term leaves alone.
+    log_error = _inner(estimates.log_error)
+    unlikely = error.detach() * torch.exp(-log_error) + log_error
+    return loss + ERROR * _mean(unlikely, weight)
+
+
+def _class_loss(estimates: Estimates, disparity: Tensor, weight: Tensor) -> Tensor:
+    """Cross entropy of the hypotheses with those of the four pixels that the sweep sees as one."""
+    hypotheses = estimates.hypotheses.view(1, -1, 1, 1)
+    spacing = estimates.hypotheses[1] - estimates.hypotheses[0]
+    truth, weight = (F.pad(t, (MARGIN_PX,) * 4) for t in (disparity, weight))
+    wanted = (-2 * (hypotheses - truth).abs() / spacing).softmax(1) * weight
+    wanted, weight = F.avg_pool2d(wanted, 2), F.avg_pool2d(weight, 2)
+    unlikely = -(wanted * estimates.scores.float().log_softmax(1)).sum()
+    return unlikely / weight.sum().clamp_min(1)
+
+
+def _inner(map_: Tensor) -> Tensor:
+    return map_[..., MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX]
+
+
+def _robust(error: Tensor, scale_px: float | None) -> Tensor:
+    return error if scale_px is None else scale_px * torch.log1p(error / scale_px)
+
+
+def _mean(loss: Tensor, weight: Tensor) -> Tensor:
+    return (loss * weight).sum() / weight.sum().clamp_min(1)

@@ -1,0 +1,160 @@
+"""SweepNet: what it is shown, against plain slow versions and planes of known disparity."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from epinet.angular import DIRECTIONS_DEG, direction_positions
+from epinet.model.sweepnet import ARMS, OUTERMOST, SweepNet, SweepNetConfig, Views, sampled
+
+SIDE_PX = 48
+
+
+def texture(x, y):
+    """Smooth, without a direction or a period of its own."""
+    waves = [(0.31, 0.17, 0.4), (-0.23, 0.41, 1.9), (0.12, -0.37, 2.2), (0.47, 0.08, 0.7)]
+    return 0.5 + 0.1 * sum(np.sin(a * x + b * y + c) for a, b, c in waves)
+
+
+def plane(disparity: float, views: int = 9, side: int = SIDE_PX) -> torch.Tensor:
+    """Stacks (1, 4, N, H, W) of a textured plane, exact: a formula drawn for every view."""
+    y, x = np.mgrid[:side, :side].astype(float)
+    half = views // 2
+    stacks = [
+        [
+            texture(x + disparity * (col - half), y + disparity * (row - half))
+            for row, col in direction_positions(direction, views)
+        ]
+        for direction in DIRECTIONS_DEG
+    ]
+    return torch.tensor(np.array(stacks), dtype=torch.float32)[None]
+
+
+def test_arms_are_the_eight_ways_out_of_the_centre():
+    assert {(row, col) for *_, row, col in ARMS} == {
+        (r, c) for r in (-1, 0, 1) for c in (-1, 0, 1)
+    } - {(0, 0)}
+    views = Views(plane(0.7, views=5))
+    for (stream, side, row, col), (_, _, seen) in zip(ARMS, views.arms, strict=True):
+        positions = direction_positions(DIRECTIONS_DEG[stream], 5)
+        assert positions[2 + 2 * side] == (2 + 2 * row, 2 + 2 * col)
+        assert torch.equal(seen[0, 1], plane(0.7, views=5)[0, stream, 2 + 2 * side])
+
+
+def test_sampling_is_bilinear_where_the_views_show_the_point():
+    g = torch.Generator().manual_seed(1)
+    views = torch.rand(2, 2, 7, 9, generator=g)
+    disparity = 3 * torch.rand(2, 1, 7, 9, generator=g) - 1.5
+    moves = [(0.0, 2.0), (-1.5, 1.5)]
+    found = sampled(views, disparity, moves)
+    for b, p, y, x in np.ndindex(*views.shape):
+        row, col = moves[p]
+        d = disparity[b, 0, y, x].item()
+        v, u = min(max(y - row * d, 0), 6), min(max(x - col * d, 0), 8)
+        v0, u0 = min(int(v), 5), min(int(u), 7)
+        fv, fu = v - v0, u - u0
+        image = views[b, p]
+        expected = (1 - fv) * ((1 - fu) * image[v0, u0] + fu * image[v0, u0 + 1]) + fv * (
+            (1 - fu) * image[v0 + 1, u0] + fu * image[v0 + 1, u0 + 1]
+        )
+        assert found[b, p, y, x].item() == pytest.approx(expected.item(), abs=1e-4)
+
+
+@pytest.mark.parametrize("views", [3, 5, 9, 11])
+@pytest.mark.parametrize("disparity", [-1.5, 0.0, 1.0])
+def test_the_true_plane_costs_least(views, disparity):
+    """In every arm; and it costs nothing where it moves the views by whole pixels."""
+    unit = OUTERMOST / (views // 2)
+    seen = Views(plane(disparity * unit, views))
+    tried = [-2.0, -1.5, -0.5, 0.0, 0.5, 1.0, 2.0]
+    costs = seen.costs(tried)[..., 12:-12, 12:-12].mean((0, 3, 4))
+    assert (costs.argmin(0) == tried.index(disparity)).all()
+    if disparity in (0.0, 1.0) and OUTERMOST % (views // 2) == 0:
+        assert costs.amin(0).max() < 1e-5
+
+
+@pytest.mark.parametrize("views", [3, 9])
+@pytest.mark.parametrize("error", [-0.1, 0.05])
+def test_least_squares_ask_for_the_error_of_an_estimate(views, error):
+    unit = OUTERMOST / (views // 2)
+    seen = Views(plane(0.63 * unit, views))
+    estimate = torch.full((1, 1, SIDE_PX, SIDE_PX), 0.63 + error)
+    _, slopes, matches = seen.least_squares(estimate, 0.1)
+    inner = (..., slice(12, -12), slice(12, -12))
+    step = slopes[inner].sum((2, 3)) / matches[inner].sum((2, 3))
+    assert step.numpy() == pytest.approx(-error, abs=0.01)
+
+
+def test_an_untrained_refinement_takes_the_least_squares_step():
+    net = SweepNet().eval()
+    seen = Views(plane(0.63))
+    estimate = torch.full((1, 1, SIDE_PX, SIDE_PX), 0.55)
+    context = torch.zeros(1, net.config.context_width, SIDE_PX, SIDE_PX)
+    with torch.no_grad():
+        refined, _ = net.refine[1](seen, estimate, 0.08, context)
+    assert (refined - 0.63)[..., 12:-12, 12:-12].abs().mean() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("views", "size", "range_px"),
+    [
+        (9, (64, 48), (-4, 4)),
+        (5, (37, 41), (-4, 4)),
+        (3, (40, 40), (-1, 0.5)),
+        (9, (70, 66), (-25, 5)),
+    ],
+)
+def test_any_grid_size_and_range(views, size, range_px):
+    net = SweepNet().eval()
+    with torch.no_grad():
+        made = net(torch.rand(2, 4, views, *size), range_px)
+    assert made.maps[-1].shape == made.log_error.shape == (2, 1, *size)
+    assert torch.isfinite(made.maps[-1]).all()
+    low, high = made.hypotheses[[0, -1]].tolist()
+    assert low < range_px[0] and high > range_px[1]
+    assert len(made.hypotheses) <= 27
+
+
+def test_hypotheses_are_in_proportion_to_the_range():
+    net = SweepNet().eval()
+    stacks = torch.rand(1, 4, 9, 32, 32)
+    with torch.no_grad():
+        counts = [len(net(stacks, (-r, r)).hypotheses) for r in (1.0, 2.0, 4.0)]
+    assert np.diff(counts).tolist() == [4, 8]
+
+
+def test_another_unit_is_the_same_estimate():
+    net = SweepNet().eval()
+    with torch.no_grad():
+        made = net(torch.rand(1, 4, 3, 32, 32), (-4.0, 4.0))
+    halved = made.scaled(0.5)
+    assert torch.equal(halved.maps[0], made.maps[0] / 2)
+    assert torch.allclose(halved.log_error.exp(), made.log_error.exp() / 2)
+    assert torch.equal(halved.hypotheses, made.hypotheses / 2)
+
+
+def test_cost_and_size_stay_within_bounds():
+    """At most 0.6 million multiply-adds per pixel for -4..4 px, and 2 million parameters."""
+    from torch.utils.flop_counter import FlopCounterMode
+
+    net = SweepNet().eval()
+    with torch.no_grad(), FlopCounterMode(display=False) as counter:
+        net(torch.rand(1, 4, 9, 128, 128), (-4.0, 4.0))
+    assert counter.get_total_flops() / 2 / 128**2 < 0.6e6
+    assert sum(p.numel() for p in net.parameters()) < 2e6
+
+
+def test_an_impossible_input_is_refused():
+    for shape in ((1, 3, 9, 32, 32), (1, 4, 8, 32, 32), (4, 9, 32, 32)):
+        with pytest.raises(ValueError, match="expected"):
+            SweepNet()(torch.zeros(shape))
+
+
+def test_a_configuration_survives_json():
+    import json
+
+    config = SweepNetConfig(spreads_px=(0.3,))
+    assert SweepNetConfig(**json.loads(json.dumps(config.as_dict()))) == config
+    assert math.isclose(sum(SweepNetConfig().spreads_px), 0.33)

@@ -1,0 +1,135 @@
+"""Prediction by SweepNet with the weights that are shipped."""
+
+import numpy as np
+import pytest
+import torch
+
+import epinet
+from epinet.angular import SYMMETRIES, direction_positions
+from epinet.errors import InputError
+from epinet.lightfield import LightField
+from epinet.predict import tiling
+from epinet.predict.confidence import probably_good
+from epinet.predict.estimator import _by_sweepnet, search_range
+from epinet.predict.tiling import run_overlapping
+from epinet.synth.generator import render_scene
+from epinet.synth.options import RANGES_PX, Faults, Options
+
+
+@pytest.fixture(scope="module")
+def model():
+    return epinet.load_model(device="cpu")
+
+
+@pytest.fixture(scope="module")
+def scene() -> LightField:
+    """A rendered 9x9 light field with truth, 96 x 112 px."""
+    options = Options(
+        size=(96, 112),
+        disparity_px=(-2, 2),
+        contrast=(0.5, 1),
+        textureless=0,
+        reflective=0,
+        thin=0,
+        clutter=0,
+        faults=Faults.none(),
+    )
+    return render_scene(options, 16, 0, star_only=True)
+
+
+def plane(disparity: float, views: int = 9, side: int = 96) -> LightField:
+    """A textured plane, exact: a formula drawn for every view."""
+    rng = np.random.default_rng(5)
+    waves = [(*rng.normal(0, 0.25, 2), rng.uniform(0, 7)) for _ in range(40)]
+    y, x = np.mgrid[:side, :side].astype(np.float32)
+    out = np.zeros((views, views, side, side, 1), np.float32)
+    positions = {p for d in (90, 0, 45, -45) for p in direction_positions(d, views)}
+    for row, col in positions:
+        u, v = x + disparity * (col - views // 2), y + disparity * (row - views // 2)
+        out[row, col, ..., 0] = 0.5 + 0.04 * sum(np.sin(a * u + b * v + c) for a, b, c in waves)
+    present = np.zeros((views, views), bool)
+    for p in positions:
+        present[p] = True
+    return LightField(out.clip(0, 1), present=present)
+
+
+@pytest.mark.parametrize("views", [9, 7, 5, 3])
+def test_a_scene_is_seen_whatever_the_number_of_views(model, scene, views):
+    seen = scene.central(views)
+    result = model.predict(seen)
+    assert result.disparity.shape == seen.size
+    scores = result.scores
+    assert scores is not None and seen.truth is not None
+    constant = 100 * np.var(seen.truth[15:-15, 15:-15])
+    assert scores["mse_x100"] < (0.2 if views > 3 else 0.5) * constant
+
+
+@pytest.mark.parametrize(("disparity", "side"), [(0.37, 96), (-3.2, 96), (-18.3, 288)])
+def test_a_plane_lies_where_it_is_near_or_far(model, disparity, side):
+    """Far beyond what training showed, by searching smaller pictures first."""
+    lf = plane(disparity, side=side)
+    margin = round(min(4 * abs(disparity), 0.3 * side))
+    found = model.predict(lf).disparity[margin:-margin, margin:-margin]
+    assert np.median(np.abs(found - disparity)) < 0.03
+
+
+def test_the_search_covers_the_disparities_of_the_views(scene):
+    low, high = search_range(scene)
+    assert low < np.percentile(scene.truth, 1) and high > np.percentile(scene.truth, 99)
+    assert high - low < 8
+    half = search_range(scene, scale=2)
+    assert half == pytest.approx((low / 2, high / 2))
+    flat = LightField(np.full((9, 9, 64, 64, 1), 100, np.uint8))
+    assert search_range(flat) == RANGES_PX["hci"]
+
+
+@pytest.mark.parametrize("symmetry", (SYMMETRIES[1], SYMMETRIES[4]), ids=str)  # generators
+def test_the_ensemble_of_turned_views_is_the_turned_ensemble(model, scene, symmetry):
+    net = model.weights[0].net
+    stacks = torch.from_numpy(scene.stacks(9))
+
+    def ensemble(views):
+        return _by_sweepnet(net, views, (-2, 2), True, 1000, lambda share: None)
+
+    for one, other in zip(
+        ensemble(symmetry.apply_to_stacks(stacks)), ensemble(stacks), strict=True
+    ):
+        assert torch.allclose(one, symmetry.apply(other), atol=2e-3)
+
+
+def test_tiles_give_nearly_what_the_whole_gives(model, scene, monkeypatch):
+    net = model.weights[0].net
+    stacks = torch.from_numpy(scene.stacks(9))
+    whole, error = run_overlapping(net, stacks, (-2.0, 2.0), 4000)
+    monkeypatch.setattr(tiling, "OVERLAP_PX", 32)
+    shares: list[float] = []
+    tiled, _ = run_overlapping(net, stacks, (-2.0, 2.0), 1, shares.append)
+    assert len(shares) == 4
+    assert sum(shares) == pytest.approx(1)
+    assert (tiled - whole).abs().median() < 1e-3
+    assert ((tiled - whole).abs() < 0.02).float().mean() > 0.9
+    assert error.min() > 0
+
+
+def test_confidence_is_the_probability_of_laplace():
+    error = torch.tensor([[0.01, 0.07], [0.7, 7.0]])
+    drawn = np.random.default_rng(0).laplace(scale=error.numpy(), size=(200_000, 2, 2))
+    expected = (np.abs(drawn) <= 0.07).mean(0)
+    np.testing.assert_allclose(probably_good(error), expected, atol=0.005)
+
+
+def test_errors_are_small_where_the_confidence_is_high(model, scene):
+    result = model.predict(scene)
+    inner = (slice(15, -15), slice(15, -15))
+    error = np.abs(result.disparity - scene.truth)[inner]
+    confidence = result.confidence[inner]
+    sure = confidence > np.median(confidence)
+    assert error[sure].mean() < 0.3 * error[~sure].mean()
+
+
+def test_a_model_and_the_weights_of_another_are_refused():
+    assert epinet.load_model(model="epinet", device="cpu").weights[0].model == "epinet"
+    with pytest.raises(InputError, match="weights of epinet, not of sweepnet"):
+        epinet.load_model("epinet_9x9", model="sweepnet")
+    with pytest.raises(InputError, match="model other: there are sweepnet, epinet"):
+        epinet.load_model(model="other")
