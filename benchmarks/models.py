@@ -20,6 +20,7 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 import epinet
+from epinet.allocator import keep_freed_memory
 from epinet.model.checkpoint import MODELS
 from epinet.model.epinet import MARGIN_PX, Epinet
 from epinet.predict.estimator import Estimator
@@ -50,6 +51,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--device")
     args = parser.parse_args()
+    keep_freed_memory()  # as the command line does
     lf = render_scene(Options(), 1, 0, star_only=True)
     models = {name: epinet.load_model(model=name, device=args.device) for name in MODELS}
     seconds: dict[str, list[float]] = {name: [] for name in models}

@@ -107,8 +107,9 @@ def cost() -> Iterator[str]:
     yield "## Cost"
     yield (
         f"`python benchmarks/models.py` on {report['machine']}, {report['threads']} threads, "
-        "float32: a light field of 9x9 views of 512x512 px, -4..4 px; medians of several rounds, "
-        "with and without reading the range off the views and making the confidence map."
+        "float32: a rendered light field of 9x9 views of 512x512 px (multiply-adds: for -4..4 px); "
+        "medians of several rounds, with and without reading the range off the views and making "
+        "the confidence map."
     )
     rows = [
         [

@@ -323,6 +323,16 @@ def weights_of_something_else(folder):
     return predicts(scene(folder), "--weights", folder / "w.safetensors")
 
 
+@case("model other: there are sweepnet, epinet")
+def unknown_model(folder):
+    return predicts(scene(folder), "--model", "other")
+
+
+@case("weights of epinet, not of sweepnet")
+def weights_of_another_model(folder):
+    return predicts(scene(folder), "--model", "sweepnet", "--weights", "epinet_9x9")
+
+
 @case("device 'gpu' cannot be used")
 def unknown_device(folder):
     return predicts(scene(folder), "--device", "gpu")
@@ -399,9 +409,9 @@ def importing_what_is_no_hdf5(folder):
     return ["weights", "import", folder / "iter.hdf5", "-o", folder / "w.safetensors"]
 
 
-@case("every 3th view")
+@case("every 5th view")
 def step_beyond_the_grid(folder):
-    return predicts(scene(folder), "--step", "3")
+    return predicts(scene(folder), "--step", "5")
 
 
 @case("no such file or folder")

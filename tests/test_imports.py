@@ -8,7 +8,7 @@ import epinet
 SOURCE = Path(epinet.__file__).parent
 
 LAYERS = (
-    {"errors", "progress"},
+    {"allocator", "errors", "progress"},
     {"angular", "camera"},
     {"lightfield"},
     {"inspect", "metrics"},

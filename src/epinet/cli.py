@@ -15,7 +15,7 @@ from epinet.progress import progress
 
 app = typer.Typer(
     name="epinet",
-    help="Depth from light fields: EPINET (CVPR 2018), from views on disk to a disparity map.",
+    help="Depth from light fields, from views on disk to a disparity map.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -126,9 +126,11 @@ def predict(
     ] = False,
 ) -> None:
     """Turn light fields into disparity maps, each a folder of its own."""
+    from epinet.allocator import keep_freed_memory
     from epinet.predict.batch import Options, Reading, find_light_fields, predict_all
     from epinet.predict.estimator import load_model
 
+    keep_freed_memory()
     estimator = load_model(weights, device, model)
     outcomes = predict_all(
         estimator,
@@ -156,7 +158,7 @@ def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")] = Path(
         "epinet-demo"
     ),
-    seed: Annotated[int, typer.Option(help="Another seed gives another scene.")] = 1,
+    seed: Annotated[int, typer.Option(help="Another seed gives another scene.")] = 7,
 ) -> None:
     """Render a small scene with exact truth, predict it and score it. Needs no download."""
     from epinet.predict.demo import run_demo

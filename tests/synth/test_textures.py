@@ -9,7 +9,7 @@ from PIL import Image
 
 from epinet.errors import InputError
 from epinet.synth.dice import Dice
-from epinet.synth.textures import FAMILIES, HELD_OUT, Photographs, draw_textures
+from epinet.synth.textures import FAMILIES, GRAIN, HELD_OUT, Photographs, draw_textures
 
 EVERY = {**FAMILIES, **HELD_OUT}
 
@@ -117,7 +117,8 @@ def test_contrast_bounds_the_amplitude():
     for bounds in ((0, 0.02), (0.1, 0.2), (0.9, 1)):
         tiles = draw_textures(seeded(), 48, 64, contrast=bounds)
         span = (tiles.amax((2, 3)) - tiles.amin((2, 3))).amax(1)
-        assert span.max() <= bounds[1] + 1e-3
+        grain = 4 * GRAIN[1]  # deviations, on both sides
+        assert span.max() <= bounds[1] * (1 + 2 * grain)
         assert (span > 0).all()
         assert span.median() > 0.5 * bounds[0]
         spreads.append(tiles.flatten(2).std(2).mean())
@@ -127,7 +128,7 @@ def test_contrast_bounds_the_amplitude():
 def test_small_contrasts_are_common_and_so_are_full_ones():
     tiles = draw_textures(seeded(), 300, 16)
     span = (tiles.amax((2, 3)) - tiles.amin((2, 3))).amax(1)
-    assert (span < 0.05).float().mean() > 0.1
+    assert (span < 0.05).float().mean() > 0.08
     assert (span > 0.5).float().mean() > 0.25
 
 

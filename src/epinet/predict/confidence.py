@@ -29,6 +29,9 @@ from epinet.lightfield import LightField
 WITHIN_PX = 0.07
 """Errors up to this are what the benchmark calls good."""
 
+AGREEMENT, PROBABILITY = "1: all views agree", f"probability of an error up to {WITHIN_PX} px"
+"""What the two kinds of confidence mean."""
+
 TOLERANCE = 0.02
 """Difference in luma (0..1) at which the confidence is one half: about 5 gray levels of 255."""
 

@@ -21,7 +21,12 @@ from epinet.model.checkpoint import DEFAULT_MODEL, Weights, load_weights, shippe
 from epinet.model.contrast import local_contrast
 from epinet.model.epinet import Epinet
 from epinet.model.sweepnet import SweepNet
-from epinet.predict.confidence import photo_consistency, probably_good
+from epinet.predict.confidence import (
+    AGREEMENT,
+    PROBABILITY,
+    photo_consistency,
+    probably_good,
+)
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
 from epinet.synth.options import RANGES_PX
@@ -118,6 +123,7 @@ class Estimator:
         return Result(
             disparity=disparity,
             confidence=confidence,
+            confidence_means=AGREEMENT if error is None else PROBABILITY,
             lightfield=used,
             settings={
                 "ensemble": ensemble,

@@ -65,8 +65,8 @@ def save_preview(path: Path, result: Result) -> None:
     axes[1].set_title("disparity")
     figure.colorbar(shown, ax=axes[1], location="bottom", label="px per adjacent view")
     shown = axes[2].imshow(result.confidence, cmap="gray", vmin=0, vmax=1)
-    axes[2].set_title("confidence (photo-consistency)")
-    figure.colorbar(shown, ax=axes[2], location="bottom", label="1: all views agree")
+    axes[2].set_title("confidence")
+    figure.colorbar(shown, ax=axes[2], location="bottom", label=result.confidence_means)
     if truth is not None:
         error = result.disparity - truth
         limit = ERROR_LIMIT_PX

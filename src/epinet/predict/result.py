@@ -16,6 +16,7 @@ from epinet.io.atomic import atomic_folder
 from epinet.io.images import write_png
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX, score
+from epinet.predict.confidence import AGREEMENT
 
 FILES = frozenset(
     {
@@ -41,6 +42,8 @@ class Result:
     """(H, W) in 0..1, see `epinet.predict.confidence`."""
     lightfield: LightField
     """The views that were used."""
+    confidence_means: str = AGREEMENT
+    """What the confidence says, for people."""
     settings: dict[str, Any] = field(default_factory=dict)
     weights: dict[str, Any] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
@@ -89,6 +92,7 @@ class Result:
                 "percentile_99": float(high),
                 "max": float(self.disparity.max()),
             },
+            "confidence_means": self.confidence_means,
             "median_confidence": float(np.median(self.confidence)),
             "scores": self.scores,
             "scores_border_px": BORDER_PX,

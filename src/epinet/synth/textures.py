@@ -115,7 +115,7 @@ def draw_textures(
         side: texels, at least 16.
         held_out: draw from `HELD_OUT` instead of `FAMILIES`.
         contrast: bounds of a tile's contrast. A tile is `mean + contrast * (pattern - mean)`
-            with a pattern that spans about 0..1; `(0, 0)` makes every tile flat.
+            with a pattern that spans about 0..1, beside its grain; `(0, 0)` makes every tile flat.
         photographs: where crops come from that are a share of the tiles.
         photograph_share: that share, of 0..1.
 
