@@ -33,15 +33,21 @@ def contrast_unit(images: Tensor) -> Tensor:
 
 
 def _mean_and_unit(images: Tensor) -> tuple[Tensor, Tensor]:
-    mean = _box(images)
-    variance = (_box(images * images) - mean * mean).clamp_min(0)
-    return mean, (variance + FLOOR**2).sqrt() / DEVIATION
+    mean, deviation = local_statistics(images, WINDOW_PX, FLOOR)
+    return mean, deviation / DEVIATION
 
 
-def _box(images: Tensor) -> Tensor:
-    for window, pad in (
-        ((WINDOW_PX, 1), (WINDOW_PX // 2, 0)),
-        ((1, WINDOW_PX), (0, WINDOW_PX // 2)),
-    ):
+def local_statistics(images: Tensor, side: int, floor: float) -> tuple[Tensor, Tensor]:
+    """Mean and standard deviation, with `floor` beneath it, of the square around each pixel."""
+    mean = box_mean(images, side)
+    variance = (box_mean(images * images, side) - mean * mean).clamp_min(0)
+    return mean, (variance + floor**2).sqrt()
+
+
+def box_mean(images: Tensor, side: int) -> Tensor:
+    """Mean over the square around each pixel of (B, C, H, W), of what of it lies inside."""
+    if side == 1:
+        return images
+    for window, pad in (((side, 1), (side // 2, 0)), ((1, side), (0, side // 2))):
         images = F.avg_pool2d(images, window, 1, pad, count_include_pad=False)
     return images

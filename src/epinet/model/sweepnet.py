@@ -29,6 +29,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
+from epinet.model.contrast import box_mean, local_statistics
 
 UNIT_WINDOW_PX = 9
 """The local contrast of the centre view is taken over this square."""
@@ -126,10 +127,10 @@ class _Sweep(nn.Module):
         self.body = nn.ModuleList(_Residual(width, d) for d in (1, 2, 4))
         self.score = nn.Conv2d(width, 1, 3, padding=1)
 
-    def forward(self, cost: Tensor, centre: Tensor) -> Tensor:
-        """Costs (B, D, PARTS, h, w) and the centre view (B, 2, h, w) -> scores (B, D, h, w)."""
+    def forward(self, cost: Tensor, seen: Tensor) -> Tensor:
+        """Costs (B, D, PARTS, h, w) and features of no hypothesis -> scores (B, D, h, w)."""
         b, count = cost.shape[:2]
-        shared = self.shared(torch.cat([centre, cost.amin(1)], 1))
+        shared = self.shared(seen)
         own, before, after = zip(
             self.first.weight.chunk(3), _bias(self.first).chunk(3), strict=True
         )
@@ -209,7 +210,7 @@ class _Refine(nn.Module):
         choice = out[:, len(ARMS) : -2].softmax(1)
         slope, match = ((weights * t).sum(1, keepdim=True) for t in (slopes, matches))
         for k, box in enumerate(BOXES_PX):
-            moved = _box(slope, box) / (_box(match, box) + 1e-4)
+            moved = box_mean(slope, box) / (box_mean(match, box) + 1e-4)
             disparity = disparity + choice[:, k : k + 1] * moved.clamp(
                 -2 * spread_px, 2 * spread_px
             )
@@ -228,8 +229,7 @@ class Views:
         self.offsets = [OUTERMOST * k / half for k in range(1, half + 1)]
         self.inner = [o <= OUTERMOST / 2 or half == 1 for o in self.offsets]
         self.gray = stacks[:, :1, half]  # (B, 1, H, W)
-        mean, square = (_box(t, UNIT_WINDOW_PX) for t in (self.gray, self.gray**2))
-        unit = ((square - mean**2).clamp_min(0) + FLOOR**2).sqrt()
+        mean, unit = local_statistics(self.gray, UNIT_WINDOW_PX, FLOOR)
         faint = -F.max_pool2d(-unit, UNIT_WINDOW_PX, 1, UNIT_WINDOW_PX // 2)
         self.unit, self.units = unit, (unit, faint)
         self.centre = torch.cat([(self.gray - mean) / unit / 2, unit.log() / 2 + 2], 1)
@@ -329,9 +329,9 @@ class SweepNet(nn.Module):
         hypotheses = torch.linspace(low - margin, high + margin, count, device=stacks.device)
         with torch.no_grad():
             cost = half.costs((hypotheses / side).tolist())
-        scores = self.sweep(cost, half.centre)
-        swept, spread = _best(scores, hypotheses / 2**levels)
         seen = torch.cat([half.centre, cost.amin(1)], 1)
+        scores = self.sweep(cost, seen)
+        swept, spread = _best(scores, hypotheses / 2**levels)
         disparity, context = self.fill(swept, spread, seen)
         maps = [disparity]
         for level in reversed(range(levels + 1)):
@@ -371,16 +371,7 @@ def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
 
 def _bumps(disparity: Tensor) -> list[Tensor]:
     """What smoothing changes."""
-    return [_box(disparity, side) - disparity for side in SMOOTHINGS_PX]
-
-
-def _box(images: Tensor, side: int) -> Tensor:
-    """Mean over the square around each pixel of (B, C, H, W)."""
-    if side == 1:
-        return images
-    for window, pad in (((side, 1), (side // 2, 0)), ((1, side), (0, side // 2))):
-        images = F.avg_pool2d(images, window, 1, pad, count_include_pad=False)
-    return images
+    return [box_mean(disparity, side) - disparity for side in SMOOTHINGS_PX]
 
 
 def _enlarged(images: Tensor) -> Tensor:
@@ -399,16 +390,22 @@ def _shifted(images: Tensor, rows: float, cols: float) -> Tensor:
     return images
 
 
-def sampled(views: Tensor, disparity: Tensor, moves: Sequence[tuple[float, float]]) -> Tensor:
+def sampled(
+    views: Tensor, disparity: Tensor, moves: Sequence[tuple[float, float]], top: int = 0
+) -> Tensor:
     """Views (B, P, H, W) where they show the centre view's points, bilinear; the border repeats.
 
     Args:
-        disparity: (B, 1, H, W) px per unit of `moves`.
+        disparity: (B, 1, R, W) of the centre view's rows from `top` on, px per unit of `moves`.
         moves: (rows, columns) of the views from the centre view. A view at (r, c) shows the point
             of (x, y) at (x - c d, y - r d).
+
+    Returns:
+        (B, P, R, W).
     """
     b, p, h, w = views.shape
-    y = torch.arange(h, device=views.device, dtype=views.dtype).view(1, 1, h, 1)
+    rows_seen = disparity.shape[-2]
+    y = torch.arange(top, top + rows_seen, device=views.device, dtype=views.dtype).view(1, 1, -1, 1)
     x = torch.arange(w, device=views.device, dtype=views.dtype).view(1, 1, 1, w)
     rows, cols = torch.tensor(moves, dtype=views.dtype, device=views.device).T.view(2, 1, p, 1, 1)
     grid = torch.stack(
@@ -416,11 +413,11 @@ def sampled(views: Tensor, disparity: Tensor, moves: Sequence[tuple[float, float
     )
     seen = F.grid_sample(
         views.reshape(b * p, 1, h, w),
-        grid.view(b * p, h, w, 2),
+        grid.view(b * p, rows_seen, w, 2),
         padding_mode="border",
         align_corners=False,
     )
-    return seen.view(b, p, h, w)
+    return seen.view(b, p, rows_seen, w)
 
 
 def _bias(layer: nn.Conv2d) -> Tensor:

@@ -17,6 +17,8 @@ mirrors, or the views are noisy), but high also on a textureless wall, where any
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -25,6 +27,7 @@ from torch.nn import functional as F
 
 from epinet.angular import star_positions
 from epinet.lightfield import LightField
+from epinet.model.sweepnet import sampled
 
 WITHIN_PX = 0.07
 """Errors up to this are what the benchmark calls good."""
@@ -52,12 +55,12 @@ def photo_consistency(lf: LightField, disparity: NDArray[np.float32]) -> NDArray
     star = [p for p in star_positions(lf.grid[0]) if p != centre]
     views = torch.from_numpy(np.stack([lf.gray(*p) for p in star]))  # (P, H, W)
     reference = torch.from_numpy(np.ascontiguousarray(lf.gray(*centre)))
-    offsets = torch.tensor(star, dtype=torch.float32) - torch.tensor(centre)
+    moves = [(float(row - centre[0]), float(col - centre[1])) for row, col in star]
     d = torch.from_numpy(np.ascontiguousarray(disparity))
     rows = max(1, BAND_PX // width)
     residual = torch.cat(
         [
-            _residual(views, reference, d, offsets, top, min(top + rows, height))
+            _residual(views, reference[top : top + rows], d[top : top + rows], moves, top)
             for top in range(0, height, rows)
         ]
     )
@@ -66,14 +69,9 @@ def photo_consistency(lf: LightField, disparity: NDArray[np.float32]) -> NDArray
 
 
 def _residual(
-    views: Tensor, reference: Tensor, d: Tensor, offsets: Tensor, top: int, bottom: int
+    views: Tensor, reference: Tensor, d: Tensor, moves: Sequence[tuple[float, float]], top: int
 ) -> Tensor:
     """(rows, W) mean difference over the better half of the views, for a band of rows."""
-    height, width = reference.shape
-    y = torch.arange(top, bottom)[:, None] - d[top:bottom] * offsets[:, 0, None, None]
-    x = torch.arange(width) - d[top:bottom] * offsets[:, 1, None, None]
-    grid = torch.stack([(2 * x + 1) / width - 1, (2 * y + 1) / height - 1], dim=-1)
-    seen = F.grid_sample(views[:, None], grid, padding_mode="border", align_corners=False)
-    difference = (seen[:, 0] - reference[top:bottom]).abs()  # (P, rows, W)
+    difference = (sampled(views[None], d[None, None], moves, top)[0] - reference).abs()
     half = difference.shape[0] // 2
     return difference.topk(half, dim=0, largest=False).values.mean(0)

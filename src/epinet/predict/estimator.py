@@ -198,15 +198,10 @@ def _by_epinet(
 ) -> Tensor:
     side = tile_side_px(net, memory_mb)
 
-    def advance(share: float) -> None:
-        progress(share / len(SYMMETRIES))
+    def run(seen: Tensor, advance: Progress) -> Tensor:
+        return run_tiled(net, seen, side, advance)
 
-    if not ensemble:
-        return run_tiled(net, stacks, side, progress)
-    total = torch.zeros(stacks.shape[-2:], device=stacks.device)
-    for s in SYMMETRIES:
-        total += s.undo(run_tiled(net, s.apply_to_stacks(stacks), side, advance))
-    return total / len(SYMMETRIES)
+    return _averaged(run, stacks, ensemble, progress)
 
 
 def _by_sweepnet(
@@ -217,18 +212,25 @@ def _by_sweepnet(
     memory_mb: float,
     progress: Progress,
 ) -> tuple[Tensor, Tensor]:
-    symmetries = SYMMETRIES if ensemble else SYMMETRIES[:1]
+    def run(seen: Tensor, advance: Progress) -> Tensor:
+        return torch.stack(run_overlapping(net, seen, range_px, memory_mb, advance))
+
+    disparity, error = _averaged(run, stacks, ensemble, progress)
+    return disparity, error
+
+
+def _averaged(
+    run: Callable[[Tensor, Progress], Tensor], stacks: Tensor, ensemble: bool, progress: Progress
+) -> Tensor:
+    """Maps (..., H, W) of stacks; for an ensemble, the mean over the 8 symmetries."""
+    if not ensemble:
+        return run(stacks, progress)
 
     def advance(share: float) -> None:
-        progress(share / len(symmetries))
+        progress(share / len(SYMMETRIES))
 
-    total = torch.zeros(2, *stacks.shape[-2:], device=stacks.device)
-    for s in symmetries:
-        made = run_overlapping(net, s.apply_to_stacks(stacks), range_px, memory_mb, advance)
-        for whole, map_ in zip(total, made, strict=True):
-            whole += s.undo(map_)
-    disparity, error = total / len(symmetries)
-    return disparity, error
+    maps = [s.undo(run(s.apply_to_stacks(stacks), advance)) for s in SYMMETRIES]
+    return torch.stack(maps).mean(0)
 
 
 def _warnings(weights: Weights, disparity: Any, confidence: Any, scale: int) -> tuple[str, ...]:

@@ -233,12 +233,6 @@ class Recipe(_Model):
         """Disparities beyond which the network knows nothing, as far as that is known."""
         return None if self.model == SWEEPNET else self.disparity_range_px
 
-    @property
-    def search_px(self) -> tuple[float, float]:
-        """Disparities that SweepNet looks for while it learns."""
-        assert self.disparity_range_px is not None
-        return self.disparity_range_px
-
     def as_dict(self) -> dict[str, Any]:
         return self.model_dump(mode="json")
 
