@@ -17,6 +17,7 @@ LAYERS = (
     {"synth"},
     {"predict"},
     {"train"},
+    {"commands"},
     {"cli"},
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

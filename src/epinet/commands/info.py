@@ -1,0 +1,50 @@
+"""`epinet info`: what a light field is."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+
+from epinet.commands.common import (
+    FlipColsOption,
+    FlipRowsOption,
+    LayoutOption,
+    PathsArgument,
+    TransposeOption,
+    WeightsOption,
+    remark,
+)
+from epinet.errors import InputError
+
+
+def info(
+    paths: PathsArgument,
+    layout: LayoutOption = None,
+    flip_rows: FlipRowsOption = False,
+    flip_cols: FlipColsOption = False,
+    transpose: TransposeOption = False,
+    weights: WeightsOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line each.")] = False,
+) -> None:
+    """Say what a light field is, and measure whether its views stand in the right order."""
+    from epinet.inspect.report import inspect, report_lines
+    from epinet.model.checkpoint import load_weights
+    from epinet.predict.batch import Reading, find_light_fields
+
+    reading = Reading(layout, flip_rows, flip_cols, transpose)
+    bounds = None if weights is None else load_weights(weights).disparity_range_px
+    problems: list[str] = []
+    for i, path in enumerate(find_light_fields(paths, layout, remark)):
+        try:
+            report = inspect(reading.read(path), bounds)
+        except InputError as error:
+            problems += error.problems
+            continue
+        if as_json:
+            print(json.dumps(report))
+        else:
+            print(("\n" if i else "") + "\n".join(report_lines(report)), flush=True)
+    if problems:
+        raise InputError(problems)

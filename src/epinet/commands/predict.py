@@ -1,0 +1,80 @@
+"""`epinet predict`: light fields to disparity maps."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from epinet.commands.common import (
+    DeviceOption,
+    FlipColsOption,
+    FlipRowsOption,
+    LayoutOption,
+    ModelOption,
+    PathsArgument,
+    TransposeOption,
+    WeightsOption,
+    remark,
+    result_line,
+)
+from epinet.errors import InputError
+from epinet.progress import progress
+
+
+def predict(
+    paths: PathsArgument,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for the results: OUT/<name> for each.")
+    ],
+    model: ModelOption = None,
+    weights: WeightsOption = None,
+    ensemble: Annotated[
+        bool,
+        typer.Option("--ensemble", help="Average over the 8 flips and rotations (8 times slower)."),
+    ] = False,
+    scale: Annotated[
+        int,
+        typer.Option(min=1, help="For large disparities: show the network views shrunk so much."),
+    ] = 1,
+    step: Annotated[int, typer.Option(min=1, help="Take every so many views of a large grid.")] = 1,
+    memory: Annotated[
+        float, typer.Option(help="Bound on the network's memory in MB; smaller works in tiles.")
+    ] = 1024,
+    device: DeviceOption = None,
+    layout: LayoutOption = None,
+    flip_rows: FlipRowsOption = False,
+    flip_cols: FlipColsOption = False,
+    transpose: TransposeOption = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Compute again what is there already.")
+    ] = False,
+) -> None:
+    """Turn light fields into disparity maps, each a folder of its own."""
+    from epinet.allocator import keep_freed_memory
+    from epinet.predict.batch import Options, Reading, find_light_fields, predict_all
+    from epinet.predict.estimator import load_model
+
+    keep_freed_memory()
+    estimator = load_model(weights, device, model)
+    outcomes = predict_all(
+        estimator,
+        find_light_fields(paths, layout, remark),
+        output,
+        reading=Reading(layout, flip_rows, flip_cols, transpose),
+        options=Options(ensemble, scale, step),
+        memory_mb=memory,
+        force=force,
+        progress=progress,
+    )
+    problems: list[str] = []
+    for outcome in outcomes:
+        problems += outcome.problems
+        if outcome.run is not None:
+            print(result_line(outcome.name, outcome.run, outcome.folder, outcome.skipped))
+            for warning in outcome.run["warnings"]:
+                print(f"warning: {outcome.name}: {warning}", file=sys.stderr)
+    if problems:
+        raise InputError(problems)

@@ -1,0 +1,95 @@
+"""`epinet train`: a recipe to weights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from epinet.commands.common import DeviceOption, remark
+
+
+def _list_recipes(wanted: bool) -> None:
+    from epinet.train.recipe import load_recipe, shipped_recipes
+
+    if wanted:
+        for name in shipped_recipes():
+            print(f"{name:22}{load_recipe(name).about.strip()}")
+        raise typer.Exit
+
+
+def train(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the run.")],
+    recipe: Annotated[
+        str, typer.Option(help="Name of a shipped recipe (--list), or a YAML file.")
+    ] = "fast-9x9",
+    data: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Instead of the recipe's scenes: a folder of scenes with truth, or the range "
+            "(narrow, hci, wide) of rendered ones. May be given again for a mixture."
+        ),
+    ] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(help="Leave out this augmentation. May be given again.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Change a value of the recipe. May be given again."
+        ),
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(help="Weights to start from: a file, or shipped ones by name.")
+    ] = None,
+    validation: Annotated[
+        Path | None,
+        typer.Option(help="Folder of scenes with truth; default: small rendered ones."),
+    ] = None,
+    textures: Annotated[
+        Path | None, typer.Option(help="Folder of photographs for the rendered scenes, too.")
+    ] = None,
+    device: DeviceOption = None,
+    list_: Annotated[
+        bool,
+        typer.Option("--list", is_eager=True, callback=_list_recipes, help="Show the recipes."),
+    ] = False,
+) -> None:
+    """Train a network; the same command continues a run that was interrupted.
+
+    Started by torchrun, its processes share the run (--set shards=N).
+    """
+    from epinet.predict.batch import find_light_fields
+    from epinet.predict.estimator import choose_device
+    from epinet.train.parallel import local_device, team
+    from epinet.train.recipe import changed_recipe
+    from epinet.train.run import Run, StoppedError
+    from epinet.train.validation import Validation
+
+    changes = [*(set_ or []), *([] if start is None else [f"start={start}"])]
+    chosen = changed_recipe(recipe, changes, data or [], without or [])
+    on = local_device(choose_device(device))
+    scenes = None
+    if validation is not None:
+        trained_on = find_light_fields(chosen.folders)
+        scenes = Validation.of_folders(
+            find_light_fields([validation], say=remark), chosen.views, trained_on
+        )
+    with team(on) as processes:
+        run = Run(
+            chosen,
+            output,
+            device=on,
+            team=processes,
+            textures=textures,
+            validation=scenes,
+            say=remark if processes.leads else lambda line: None,
+        )
+        try:
+            run.train()
+        except StoppedError as stop:
+            remark(f"{stop}; the same command continues {output}" if stop.resumable else str(stop))
+            raise typer.Exit(1) from stop
+    if processes.leads:
+        print(f"weights: {output / 'weights.safetensors'}")

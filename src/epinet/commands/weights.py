@@ -1,0 +1,44 @@
+"""`epinet weights`: those that come with the package, and others imported."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="List the weights that come with epinet, or import others.")
+
+
+@app.callback(invoke_without_command=True)
+def _weights(
+    context: typer.Context,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line each.")] = False,
+) -> None:
+    from epinet.model.checkpoint import load_weights, shipped_weights
+
+    if context.invoked_subcommand is not None:
+        return
+    for name in shipped_weights():
+        weights = load_weights(name)
+        if as_json:
+            print(json.dumps({"name": name, "file": weights.source, **weights.metadata}))
+        else:
+            print("\n".join([name, *(f"  {line}" for line in weights.lines())]))
+
+
+@app.command("import")
+def _import(
+    file: Annotated[Path, typer.Argument(help="HDF5 file of the reference implementation.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="File to write, NAME.safetensors.")
+    ],
+) -> None:
+    """Turn Keras weights of the reference implementation into a file for --weights."""
+    from epinet.model.checkpoint import save_weights
+    from epinet.model.keras import read_keras
+
+    weights = read_keras(file)
+    save_weights(output, weights.net, weights.metadata, half=False)
+    print("\n".join([*weights.lines()[:1], f"-> {output}"]))
