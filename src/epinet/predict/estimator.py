@@ -17,15 +17,21 @@ from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
 from epinet.inspect.disparity_range import estimate_range
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import DEFAULT_MODEL, Weights, load_weights, shipped_weights
+from epinet.model.checkpoint import (
+    CALIBRATION,
+    DEFAULT_MODEL,
+    Weights,
+    load_weights,
+    shipped_weights,
+)
 from epinet.model.contrast import local_contrast
 from epinet.model.epinet import Epinet
 from epinet.model.sweepnet import SweepNet
 from epinet.predict.confidence import (
     AGREEMENT,
     PROBABILITY,
+    Calibration,
     photo_consistency,
-    probably_good,
 )
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
@@ -115,14 +121,17 @@ class Estimator:
             map_, error = _by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress)
         disparity = enlarge(map_, scale, lf.size).cpu().numpy()
         estimated = time.perf_counter()
+        expected = None
         if error is None:
             confidence = photo_consistency(used, disparity)
         else:
-            confidence = probably_good(enlarge(error, scale, lf.size))
+            expected = enlarge(error, scale, lf.size).cpu().numpy()
+            confidence = Calibration(**weights.metadata.get(CALIBRATION, {})).confidence(expected)
         done = time.perf_counter()
         return Result(
             disparity=disparity,
             confidence=confidence,
+            expected_error=expected,
             confidence_means=AGREEMENT if error is None else PROBABILITY,
             lightfield=used,
             settings={

@@ -42,6 +42,8 @@ class Result:
     """(H, W) in 0..1, see `epinet.predict.confidence`."""
     lightfield: LightField
     """The views that were used."""
+    expected_error: NDArray[np.float32] | None = None
+    """(H, W) mean error to expect, px per adjacent view, where the network predicts it."""
     confidence_means: str = AGREEMENT
     """What the confidence says, for people."""
     settings: dict[str, Any] = field(default_factory=dict)
