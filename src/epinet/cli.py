@@ -9,8 +9,11 @@ import typer
 
 from epinet import __version__
 from epinet.commands import weights
+from epinet.commands.calibrate import calibrate
 from epinet.commands.demo import demo
+from epinet.commands.depth import depth
 from epinet.commands.info import info
+from epinet.commands.mesh import mesh
 from epinet.commands.predict import predict
 from epinet.commands.synth import synth, validation
 from epinet.commands.train import train
@@ -24,7 +27,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     add_completion=False,
 )
-for command in (info, predict, demo, train, synth, validation):
+for command in (info, predict, depth, calibrate, mesh, demo, train, synth, validation):
     app.command()(command)
 app.add_typer(weights.app, name="weights")
 
