@@ -72,13 +72,14 @@ def _tell(calibration: Calibration) -> None:
     rows = zip(calibration.readings, calibration.residuals_px, calibration.depths_mm, strict=True)
     for reading, residual, depth_mm in rows:
         print(
-            f"point {reading.point}: {reading.point.depth_mm:g} mm, disparity "
-            f"{reading.disparity_px:.3f} px, residual {residual:+.3f} px, fitted {depth_mm:.5g} mm"
+            f"point {reading.point}: {reading.point.depth_mm:g} mm, "
+            f"disparity {reading.pick.disparity_px:.3f} px, "
+            f"residual {residual:+.3f} px, fitted {depth_mm:.5g} mm"
         )
-        if reading.on_edge:
+        if reading.pick.on_edge:
             remark(
                 f"warning: point {reading.point} lies on an edge (disparities spread by "
-                f"{reading.spread_px:.2f} px around it); a point inside a surface is safer"
+                f"{reading.pick.spread_px:.2f} px around it); a point inside a surface is safer"
             )
     c = calibration
     low, high = (c.inverse_focus_per_mm + sign * c.inverse_focus_error_per_mm for sign in (1, -1))

@@ -16,12 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epinet.errors import InputError
+from epinet.geometry.pick import Pick, pick
 from epinet.io.camera_file import CameraFacts
 
-WINDOW_PX = 5
-"""A point's disparity is the median over a square of so many pixels."""
-EDGE_PX = 0.2
-"""A square whose disparities spread by more lies on an edge."""
 LEAST_ERROR_PX = 0.03
 """Error of a point's disparity that is reckoned with even if few points happen to fit better."""
 SMALLEST_SPREAD_PX = 0.1
@@ -66,16 +63,10 @@ class Point:
 
 @dataclass(frozen=True)
 class Reading:
-    """The disparity read at a point."""
+    """A point and what the map says there."""
 
     point: Point
-    disparity_px: float
-    spread_px: float
-    """Largest minus smallest disparity in the square around it."""
-
-    @property
-    def on_edge(self) -> bool:
-        return self.spread_px > EDGE_PX
+    pick: Pick
 
 
 @dataclass(frozen=True)
@@ -102,12 +93,12 @@ class Calibration:
         """Disparity read minus that expected, point by point."""
         nearness = np.array([1 / r.point.depth_mm for r in self.readings])
         expected = self.baseline_focal_mm_px * (nearness - self.inverse_focus_per_mm)
-        return np.array([r.disparity_px for r in self.readings]) - expected
+        return np.array([r.pick.disparity_px for r in self.readings]) - expected
 
     @property
     def depths_mm(self) -> NDArray[np.float64]:
         """Depth that the calibration gives to each point; inf at and beyond infinity."""
-        read = np.array([r.disparity_px for r in self.readings])
+        read = np.array([r.pick.disparity_px for r in self.readings])
         nearness = read / self.baseline_focal_mm_px + self.inverse_focus_per_mm
         with np.errstate(divide="ignore"):
             return np.where(nearness > 0, 1 / nearness, np.inf)
@@ -135,7 +126,7 @@ def calibrate(disparity: NDArray[np.float32], points: Sequence[Point]) -> Calibr
     readings = _read_all(disparity, points)
     _check_spread(readings)
     nearness = np.array([1 / r.point.depth_mm for r in readings])
-    read = np.array([r.disparity_px for r in readings])
+    read = np.array([r.pick.disparity_px for r in readings])
     slope, offset = np.polyfit(nearness, read, 1)
     if slope <= 0:
         raise InputError(
@@ -157,32 +148,13 @@ def calibrate(disparity: NDArray[np.float32], points: Sequence[Point]) -> Calibr
     )
 
 
-def read_disparity(disparity: NDArray[np.float32], point: Point) -> Reading:
-    """The median disparity of the square around a point, which outliers do not move.
-
-    Raises:
-        InputError: it lies outside the map, or no pixel of the square has a disparity.
-    """
-    height, width = disparity.shape
-    if not (0 <= point.x < width and 0 <= point.y < height):
-        raise InputError(f"point {point} lies outside the map of {width}x{height} px")
-    reach = WINDOW_PX // 2
-    rows = slice(max(point.y - reach, 0), point.y + reach + 1)
-    cols = slice(max(point.x - reach, 0), point.x + reach + 1)
-    square = disparity[rows, cols]
-    finite = square[np.isfinite(square)]
-    if not finite.size:
-        raise InputError(f"point {point}: the map has no disparity there; choose another point")
-    return Reading(point, float(np.median(finite)), float(np.ptp(finite)))
-
-
 def _read_all(disparity: NDArray[np.float32], points: Sequence[Point]) -> list[Reading]:
     readings, problems = [], []
     if len(points) < 2:
         problems.append(f"at least two points of known distance are needed, not {len(points)}")
     for point in points:
         try:
-            readings.append(read_disparity(disparity, point))
+            readings.append(Reading(point, pick(disparity, point.x, point.y)))
         except InputError as error:
             problems += error.problems
     if problems:
@@ -196,7 +168,7 @@ def _check_spread(readings: Sequence[Reading]) -> None:
             f"all points are at one depth, {readings[0].point.depth_mm:g} mm: "
             "give points at different distances"
         )
-    spread = float(np.ptp([r.disparity_px for r in readings]))
+    spread = float(np.ptp([r.pick.disparity_px for r in readings]))
     if spread < SMALLEST_SPREAD_PX:
         raise InputError(
             f"the disparities at the points differ by {spread:.3f} px only, which is within the "

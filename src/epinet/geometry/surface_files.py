@@ -130,7 +130,14 @@ def _write_obj(path: Path, surface: Surface) -> list[Path]:
 
     shown = _shown(surface)
     name = "_".join(path.stem.split())  # readers disagree about blanks in the names inside
-    material = SimpleMaterial(name=f"{name}_texture", image=Image.fromarray(surface.picture))
+    white, black = [255, 255, 255, 255], [0, 0, 0, 255]
+    material = SimpleMaterial(
+        name=f"{name}_texture",
+        image=Image.fromarray(surface.picture),
+        ambient=white,
+        diffuse=white,
+        specular=black,
+    )
     shown.visual = TextureVisuals(uv=surface.uv, material=material)
     text, beside = export_obj(
         shown, include_normals=True, return_texture=True, mtl_name=f"{name}.mtl", header="epinet"

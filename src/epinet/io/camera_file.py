@@ -147,8 +147,8 @@ class CameraFacts(BaseModel):
         if not problems:
             return []
         return [
-            f"the camera is not known well enough: missing are {'; '.join(problems)}. Give them, or "
-            "a file that holds them (--camera); epinet calibrate makes one from known distances"
+            f"the camera is not known well enough; missing: {'; '.join(problems)}. Give them, or a "
+            "file that holds them (--camera); epinet calibrate makes one from known distances"
         ]
 
     def _another_size(self, size: tuple[int, int]) -> list[str]:
