@@ -59,18 +59,6 @@ class Surface:
         x, y = self.pixels.T
         return np.stack([(x + 0.5) / width, 1 - (y + 0.5) / height], axis=1)
 
-    @property
-    def normals(self) -> NDArray[np.float64]:
-        """(N, 3) unit normals: the mean of the faces around each point by their area."""
-        corners = self.points_mm[self.faces]
-        by_area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        total = np.zeros_like(self.points_mm)
-        for axis in range(3):
-            weights = np.repeat(by_area[:, axis], 3)
-            total[:, axis] = np.bincount(self.faces.ravel(), weights, len(total))
-        lengths = np.linalg.norm(total, axis=1, keepdims=True)
-        return np.asarray(total / np.maximum(lengths, 1e-30))
-
     def simplified(self, faces: int, camera: Camera) -> Surface:
         """The surface with at most about so many faces; as it is where it has no more.
 

@@ -103,7 +103,8 @@ def _glb(surface: Surface) -> bytes:
 
 def _in_mm(suffix: str, surface: Surface) -> bytes:
     """PLY, and the points of OBJ."""
-    exported = _shown(surface).export(file_type=suffix[1:])
+    more = {"vertex_normal": True} if len(surface.faces) else {}
+    exported = _shown(surface).export(file_type=suffix[1:], **more)
     return exported if isinstance(exported, bytes) else exported.encode()
 
 
@@ -116,7 +117,6 @@ def _shown(surface: Surface) -> trimesh.Trimesh | trimesh.PointCloud:
     return trimesh.Trimesh(
         surface.points_mm,
         surface.faces,
-        vertex_normals=surface.normals,
         vertex_colors=surface.colours,
         process=False,
     )
