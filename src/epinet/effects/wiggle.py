@@ -41,7 +41,13 @@ def wiggle_frames(lf: LightField, still_px: float) -> list[NDArray[np.uint8]]:
     there = []
     for col, shift in zip(cols, shifts, strict=True):
         move = np.array([[1, 0, shift], [0, 1, 0]], np.float64)
-        view = cv2.warpAffine(lf.rgb(row, int(col)), move, (width, height), flags=cv2.INTER_CUBIC)
+        view = cv2.warpAffine(
+            lf.rgb(row, int(col)),
+            move,
+            (width, height),
+            flags=cv2.INTER_CUBIC,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
         cut = view[:, left : width - right]
         there.append(np.round(255 * np.clip(cut, 0, 1)).astype(np.uint8))
     return [*there, *there[-2:0:-1]]
