@@ -199,6 +199,7 @@ BAD = [
     (nothing, "calibrate bare -o c.txt --point 5,5,600 --point 40,5,900", r"ends in \.json"),
     (nothing, "refocus metric -o a.png", "say what is to be sharp"),
     (nothing, "refocus metric -o a.png --at 1,2 --disparity 3", "say what is to be sharp"),
+    (nothing, "refocus metric -o a.png --all-in-focus --aperture 1", "nothing is blurred"),
     (nothing, "refocus metric -o a.png --at 100,2", "outside the map"),
     (nothing, "refocus metric -o a.png --at here", "as x,y in whole numbers"),
     (nothing, "refocus metric -o a.gif --at 1,2", r"\.png, \.jpg"),

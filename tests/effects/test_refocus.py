@@ -22,16 +22,26 @@ def levels(found, expected):
     return np.abs(found.astype(int) - expected.astype(int))[INNER].max()
 
 
+def everywhere(disparity):
+    return np.full((48, 64), disparity, np.float32)
+
+
+def samples(light):
+    """Light to 8-bit sRGB by the standard's definition."""
+    s = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.round(255 * s)
+
+
 @pytest.mark.parametrize("d0", [-1.5, 0.0, 0.8, 1.37])
 def test_a_plane_in_focus_is_the_centre_view(views_of, d0):
     lf = views_of(d0)
-    assert levels(refocus(lf, d0), lf.views[3, 3]) <= 4
+    assert levels(refocus(lf, d0, everywhere(d0)), lf.views[3, 3]) <= 4
 
 
 @pytest.mark.parametrize("aperture", [1, 2.2, 3])
 def test_a_plane_out_of_focus_is_the_mean_of_its_shifts_in_light(views_of, pattern, aperture):
-    d0, focus = 0.4, -0.9
-    found = refocus(views_of(d0), focus, aperture)
+    d0, focus = 0.4, -0.5
+    found = refocus(views_of(d0), focus, everywhere(d0), aperture)
     rows, cols = np.mgrid[:48, :64].astype(float)
     total, weight = 0, 0
     for down in range(-3, 4):
@@ -40,14 +50,36 @@ def test_a_plane_out_of_focus_is_the_mean_of_its_shifts_in_light(views_of, patte
             shift = d0 - focus
             total = total + share * light(pattern(cols + shift * right, rows + shift * down))
             weight += share
-    mean = total / weight
-    samples = np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * mean ** (1 / 2.4) - 0.055)
-    assert levels(found, np.round(255 * samples)) <= 3
+    assert levels(found, samples(total / weight)) <= 3
+
+
+def test_far_out_of_focus_there_are_no_gaps_between_views(views_of, pattern):
+    """The mean over all viewpoints, 9 x 9 for each of the views, not only over the views."""
+    d0, focus, finer = 3.0, -4.5, 9
+    lf = views_of(d0)
+    found = refocus(lf, focus, everywhere(d0), 1)
+    rows, cols = np.mgrid[:48, :64].astype(float)
+    within = (np.arange(finer) - finer // 2) / finer
+    total, weight, coarse = 0, 0, 0
+    for down in range(-3, 4):
+        for right in range(-3, 4):
+            share = np.clip(1.5 - np.hypot(down, right), 0, 1)
+            if not share:
+                continue
+            shift = d0 - focus
+            coarse = coarse + share * light(pattern(cols + shift * right, rows + shift * down))
+            weight += share
+            for y in down + within:
+                for x in right + within:
+                    seen = light(pattern(cols + shift * x, rows + shift * y))
+                    total = total + share * seen / finer**2
+    assert levels(found, samples(total / weight)) <= 4
+    assert levels(samples(coarse / weight), samples(total / weight)) > 8
 
 
 def test_blur_grows_with_the_aperture_and_keeps_the_light(views_of):
     lf = views_of(1.0)
-    pictures = [refocus(lf, -0.5, aperture)[INNER] for aperture in (0, 1, 2, 3)]
+    pictures = [refocus(lf, -0.5, everywhere(1.0), aperture)[INNER] for aperture in (0, 1, 2, 3)]
     contrasts = [p.std() for p in pictures]
     assert contrasts == sorted(contrasts, reverse=True) and contrasts[-1] < 0.5 * contrasts[0]
     means = [light(p / 255).mean() for p in pictures]
@@ -56,7 +88,7 @@ def test_blur_grows_with_the_aperture_and_keeps_the_light(views_of):
 
 def test_aperture_0_is_the_centre_view_to_the_bit(views_of):
     lf = views_of(0.7)
-    np.testing.assert_array_equal(refocus(lf, 2.0, 0), lf.views[3, 3])
+    np.testing.assert_array_equal(refocus(lf, 2.0, everywhere(0.7), 0), lf.views[3, 3])
 
 
 def test_views_that_are_not_there_do_not_darken(views_of):
@@ -64,7 +96,9 @@ def test_views_that_are_not_there_do_not_darken(views_of):
     star = np.zeros((7, 7), dtype=bool)
     star[3], star[:, 3] = True, True
     views = np.where(star[..., None, None, None], lf.views, 0).astype(np.uint8)
-    assert levels(refocus(LightField(views, present=star), 0.5), lf.views[3, 3]) <= 4
+    assert (
+        levels(refocus(LightField(views, present=star), 0.5, everywhere(0.5)), lf.views[3, 3]) <= 4
+    )
 
 
 def test_a_tilted_plane_of_focus_holds_a_tilted_plane_sharp(views_of):
@@ -75,8 +109,8 @@ def test_a_tilted_plane_of_focus_holds_a_tilted_plane_sharp(views_of):
     exact = plane_through(
         [(10, 5, d0 + 10 * slope), (50, 5, d0 + 50 * slope), (10, 45, d0 + 10 * slope)], lf.size
     )
-    assert levels(refocus(lf, exact), lf.views[3, 3]) <= 4
-    assert levels(refocus(lf, d0), lf.views[3, 3]) > 25
+    assert levels(refocus(lf, exact, exact), lf.views[3, 3]) <= 4
+    assert levels(refocus(lf, d0, exact), lf.views[3, 3]) > 25
 
 
 def two_layers(pattern, noise):
@@ -103,7 +137,7 @@ def test_all_in_focus_takes_the_noise_and_keeps_the_edges(pattern):
     before = (lf.views[3, 3] - clean)[INNER].std()
     assert (found - clean)[INNER].std() < 0.35 * before
     # Without knowing what is hidden, the near square bleeds over the wall.
-    bled = refocus(lf, disparity)
+    bled = refocus(lf, disparity, disparity)
     worst = np.abs(found - clean)[INNER].max()
     assert worst < 40 < np.abs(bled - clean)[INNER].max()
 
@@ -111,11 +145,11 @@ def test_all_in_focus_takes_the_noise_and_keeps_the_edges(pattern):
 def test_what_cannot_be_is_refused(views_of):
     lf = views_of(0.0)
     with pytest.raises(InputError, match="aperture"):
-        refocus(lf, 0.0, -1)
+        refocus(lf, 0.0, everywhere(0), -1)
     with pytest.raises(InputError, match="64x48 px"):
-        refocus(lf, np.zeros((64, 48)))
+        refocus(lf, np.zeros((64, 48)), everywhere(0))
     with pytest.raises(InputError, match="finite"):
-        refocus(lf, np.nan)
+        refocus(lf, np.nan, everywhere(0))
     with pytest.raises(InputError, match="one to three points"):
         plane_through([], lf.size)
     for again in ([(1, 1, 0.0), (1, 1, 0.5)], [(0, 0, 0.0), (5, 5, 0.1), (20, 20, 0.5)]):

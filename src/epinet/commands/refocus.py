@@ -57,27 +57,28 @@ def refocus(
 ) -> None:
     """Refocus a light field after the fact, as a lens as wide as its grid would show it."""
     from epinet.effects.picture_files import check_suffix, write_picture
+    from epinet.effects.refocus import all_in_focus as everything
     from epinet.effects.refocus import refocus as focused
     from epinet.predict.stored import read_result
 
     check_suffix(output)
     if sum([disparity is not None, bool(at), all_in_focus]) != 1:
         raise InputError("say what is to be sharp: one of --disparity, --at and --all-in-focus")
+    if all_in_focus and aperture is not None:
+        raise InputError("--aperture: nothing is blurred by --all-in-focus; give one of the two")
     stored = read_result(result)
-    focus: float | NDArray[np.float32]
-    if all_in_focus:
-        focus = stored.disparity
-    else:
-        focus = _plane(stored, at) if at else float(disparity or 0)
+    focus = _plane(stored, at) if at else float(disparity or 0)
     lf = stored.read_views(views)
     if not lf.present.all():
         remark(
             f"note: {int(lf.present.sum())} of {lf.present.size} views are there; "
             "blur takes the shape of where they stand"
         )
-    hidden = stored.disparity if all_in_focus else None
     with progress("refocusing") as advance:
-        picture = focused(lf, focus, aperture, disparity=hidden, progress=advance)
+        if all_in_focus:
+            picture = everything(lf, stored.disparity, advance)
+        else:
+            picture = focused(lf, focus, stored.disparity, aperture, advance)
     write_picture(output, picture)
     print(f"-> {output}")
 

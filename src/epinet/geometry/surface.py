@@ -68,7 +68,9 @@ class Surface:
             return self
         from fast_simplification import simplify
 
-        points, kept = simplify(self.points_mm, self.faces, target_count=faces)
+        size_mm = np.ptp(self.points_mm, axis=0).max()  # its thresholds are made for sizes about 1
+        points, kept = simplify(self.points_mm / size_mm, self.faces, target_count=faces)
+        points = points * size_mm
         height, width = self.picture.shape[:2]
         pixels = np.clip(project(points, camera), 0, [width - 1, height - 1])
         return replace(self, points_mm=points, faces=kept.astype(np.int64), pixels=pixels)
