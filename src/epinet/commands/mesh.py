@@ -116,7 +116,8 @@ def mesh(
         print(printed.describe())
         written = [output]
     else:
-        keep = sure & (depth_mm >= (near_mm or 0)) & (depth_mm <= (far_mm or np.inf))
+        nearest, farthest = near_mm or 0, np.inf if far_mm is None else far_mm
+        keep = sure & (depth_mm >= nearest) & (depth_mm <= farthest)
         shape = surface(stored.disparity, stored.centre_view, known, keep=keep, cut_px=cut_px)
         if faces is not None:
             shape = shape.simplified(faces, known)

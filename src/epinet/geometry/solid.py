@@ -68,8 +68,8 @@ class Solid:
         size = " x ".join(f"{mm:.4g}" for mm in self.mesh.extents)
         return (
             f"{len(self.mesh.faces)} faces, closed; {size} mm as printed, across the picture "
-            f"1:{1 / self.scale:.4g}; depths flattened to {self.nearest_mm:.5g}.."
-            f"{self.farthest_mm:.5g} mm"
+            f"1:{1 / self.scale:.4g}; depths outside {self.nearest_mm:.5g}.."
+            f"{self.farthest_mm:.5g} mm are flattened"
         )
 
 

@@ -77,9 +77,9 @@ class Surface:
 
     def describe(self) -> str:
         """Counts and extent, for people."""
-        what = f"{len(self.points_mm)} points" + (
-            f", {len(self.faces)} faces" * bool(len(self.faces))
-        )
+        what = f"{len(self.points_mm)} points"
+        if len(self.faces):
+            what += f", {len(self.faces)} faces"
         size = " x ".join(f"{mm:.4g}" for mm in np.ptp(self.points_mm, axis=0))
         near, far = -self.points_mm[:, 2].max(), -self.points_mm[:, 2].min()
         return f"{what}; {size} mm (width, height, depth), {near:.4g} to {far:.4g} mm away"
@@ -130,7 +130,7 @@ def surface(
     faces = _without_crumbs(grid_faces(disparity, valid, limit), depth.size)
     if not len(faces):
         raise InputError(
-            "no surface is left after cutting at depth edges: every neighbouring pixels differ "
+            "no surface is left after cutting at depth edges: all neighbouring pixels differ "
             "too much, or the pieces are tiny; cut less (--cut-px)"
         )
     used, rows = np.unique(faces, return_inverse=True)

@@ -19,6 +19,9 @@ from epinet.io.problems import Problems, parsing
 from epinet.io.read import read_light_field
 from epinet.lightfield import LightField
 
+_ORDER = ("flip_rows", "flip_cols", "transpose")
+"""Options of reading that put the views in order."""
+
 _ANOTHER_SCENE = 0.05
 """Mean difference of the reference view to centre.png from which the views are another scene's."""
 
@@ -65,9 +68,9 @@ class StoredResult:
             InputError: they are gone, or others stand there.
         """
         source = path or self._source()
-        request = self.run.get("request") or {}
-        order = dict(request.get("reading") or {})
-        lf = read_light_field(source, order.pop("layout", None)).reordered(**order)
+        reading = (self.run.get("request") or {}).get("reading") or {}
+        order = {name: bool(reading.get(name)) for name in _ORDER}
+        lf = read_light_field(source, reading.get("layout")).reordered(**order)
         step = int((self.run.get("settings") or {}).get("step", 1))
         lf = lf.central(int(self.run["views_used"][0]), step)
         self._check_same(lf, source)
