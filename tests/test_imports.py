@@ -13,6 +13,7 @@ LAYERS = (
     {"lightfield"},
     {"inspect", "metrics"},
     {"io"},
+    {"geometry", "effects"},
     {"model"},
     {"synth"},
     {"predict"},
