@@ -16,7 +16,7 @@ LAYERS = (
     {"model"},
     {"synth"},
     {"predict"},
-    {"train"},
+    {"train", "benchmark"},
     {"commands"},
     {"cli"},
 )

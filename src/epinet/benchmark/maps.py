@@ -1,0 +1,168 @@
+"""A method's disparity maps on disk: ours or anybody's."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.errors import InputError
+from epinet.io import read_pfm
+from epinet.io.problems import Problems, listed, parsing
+
+SUFFIXES = (".pfm", ".npy")
+MAPS_FOLDER, RUNTIMES_FOLDER = "disp_maps", "runtimes"
+"""Where the benchmark's submissions have them."""
+
+_RESULT_MAPS = ("disparity.pfm", "disparity.npy")
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """A scene's map on disk, and how long it took."""
+
+    path: Path
+    seconds: float | None = None
+    """Run time; None if it is not stated."""
+
+    def read(self, size: tuple[int, int]) -> NDArray[np.float32]:
+        """(H, W) in px per adjacent view; not finite where there is no estimate.
+
+        Raises:
+            InputError: it is in colour, of another size, or cannot be read.
+        """
+        map_ = read_pfm(self.path) if self.path.suffix.lower() == ".pfm" else _read_npy(self.path)
+        if map_.ndim == 3:
+            raise InputError(f"{self.path}: in colour (PF); a map has one value a pixel (Pf)")
+        if map_.shape != size:
+            raise InputError(
+                f"{self.path}: the map is {_size_text(map_.shape)}, the scene {_size_text(size)}; "
+                "maps must cover the whole view"
+            )
+        return map_
+
+
+def find_maps(
+    folder: Path, scenes: Collection[str], others: Collection[str] = ()
+) -> dict[str, MapFile]:
+    """The map of each scene.
+
+    Args:
+        folder: holds `<scene>.pfm` or `<scene>.npy` (perhaps in `disp_maps`), or result folders
+            `<scene>` of `epinet predict`, or is such a result folder; run times may stand in
+            `runtimes/<scene>.txt`.
+        scenes: names of those that need a map.
+        others: names of scenes whose maps are passed over.
+
+    Raises:
+        InputError: all that is missing, unknown, ambiguous or cannot be read.
+    """
+    if not folder.is_dir():
+        what = "a file" if folder.exists() else "no such folder"
+        raise InputError(
+            f"{folder}: {what}; give a folder of maps, a weights file, sweepnet or epinet"
+        )
+    candidates = _candidates(folder)
+    if not candidates:
+        raise InputError(
+            f"{folder}: no maps in it; expected <scene>.pfm, <scene>.npy or folders of results"
+        )
+    problems = Problems()
+    for name, paths in candidates.items():
+        if name not in scenes and name not in others:
+            problems.append(
+                f"{paths[0]}: no scene is named {name}; there are {listed(sorted(scenes))}"
+            )
+    found = {}
+    for name in scenes:
+        with problems.gather():
+            found[name] = _map_of(folder, name, candidates.get(name, []))
+    problems.raise_any()
+    return found
+
+
+def _candidates(folder: Path) -> dict[str, list[Path]]:
+    """Maps by the name of their scene."""
+    results = [folder, *sorted(p for p in folder.iterdir() if p.is_dir())]
+    found: dict[str, list[Path]] = {}
+    for result in results:
+        for path in (result / name for name in _RESULT_MAPS):
+            if path.exists():
+                found.setdefault(result.resolve().name, [path])
+    inner = folder / MAPS_FOLDER
+    for path in sorted((inner if inner.is_dir() else folder).iterdir()):
+        if path.suffix.lower() in SUFFIXES and path.name not in _RESULT_MAPS:
+            found.setdefault(path.stem, []).append(path)
+    return found
+
+
+def _map_of(folder: Path, name: str, paths: list[Path]) -> MapFile:
+    if not paths:
+        raise InputError(
+            f"{folder}: no map of scene {name} ({name}.pfm, {name}.npy or {name}/disparity.pfm); "
+            "name the scenes to be scored with --scene"
+        )
+    if len(paths) > 1:
+        both = " and ".join(str(path) for path in paths)
+        raise InputError(f"{both}: more than one map of scene {name}; remove one")
+    path = paths[0]
+    stated = folder / RUNTIMES_FOLDER / f"{name}.txt"
+    if stated.exists():
+        with parsing(stated, "text"):
+            return MapFile(path, parse_runtime(stated.read_text(), stated))
+    record = path.parent / "run.json"
+    if path.name in _RESULT_MAPS and record.exists():
+        return MapFile(path, _seconds_of_run(record))
+    return MapFile(path)
+
+
+def parse_runtime(text: str, path: Path | str) -> float:
+    """Seconds in the first line of a text.
+
+    Raises:
+        InputError: it is no positive number.
+    """
+    first = text.partition("\n")[0].strip()
+    try:
+        seconds = float(first)
+    except ValueError:
+        seconds = math.nan
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise InputError(
+            f"{path}: the first line must be the run time in seconds, a number such as 2.5, "
+            f"not {first[:40]!r}"
+        )
+    return seconds
+
+
+def _seconds_of_run(record: Path) -> float:
+    with parsing(record, "the record of a result"):
+        run = json.loads(record.read_text())
+        step, seconds = run["settings"]["step"], math.fsum(run["seconds"].values())
+    if step != 1:
+        raise InputError(
+            f"{record}: predicted with --step {step}: the map is in px per {step} views, the "
+            "truth in px per adjacent view; predict without --step"
+        )
+    return seconds
+
+
+def _read_npy(path: Path) -> NDArray[np.float32]:
+    with parsing(path, "a numpy file"):
+        array: NDArray[Any] = np.load(path, allow_pickle=False)
+        if array.ndim != 2 or array.dtype.kind not in "fiu":
+            raise InputError(
+                f"{path}: a map must be one (H, W) array of numbers, "
+                f"not {array.shape} {array.dtype}"
+            )
+        return array.astype(np.float32)
+
+
+def _size_text(shape: tuple[int, ...]) -> str:
+    return f"{shape[1]}x{shape[0]} px"

@@ -1,0 +1,166 @@
+"""Which methods are meant, and the maps of those that have to be run first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from epinet.benchmark.evaluate import Method, check_maps
+from epinet.benchmark.maps import MapFile, find_maps
+from epinet.benchmark.scenes import Scene, gather_scenes, scene_folders
+from epinet.errors import InputError
+from epinet.io.problems import Problems
+from epinet.model.checkpoint import MODELS, shipped_weights
+from epinet.predict.batch import Options, Progress, Reading, predict_all
+from epinet.predict.estimator import Estimator, load_model
+
+WEIGHTS_SUFFIX = ".safetensors"
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a user names as a method."""
+
+    name: str
+    what: str
+    """A folder of maps, or a model: its name, that of shipped weights, or a weights file."""
+
+    @property
+    def is_model(self) -> bool:
+        """Whether it must be run; otherwise its maps are there."""
+        known = {*MODELS, *shipped_weights()}
+        return self.what in known or self.what.endswith(WEIGHTS_SUFFIX)
+
+    def load(self, device: str | None = None) -> Estimator:
+        """The model, ready to predict.
+
+        Raises:
+            InputError: it cannot be used.
+        """
+        if self.what in MODELS:
+            return load_model(model=self.what, device=device)
+        return load_model(self.what, device)
+
+
+def named_targets(texts: Sequence[str]) -> list[Target]:
+    """Methods from `WHAT` or `NAME=WHAT`; without a name, that of the folder, file or model.
+
+    Raises:
+        InputError: two have the same name.
+
+    Example:
+        >>> [target.name for target in named_targets(["sweepnet", "theirs=results/maps"])]
+        ['sweepnet', 'theirs']
+    """
+    targets = []
+    for text in texts:
+        name, equals, what = text.partition("=")
+        if not equals or not name or "/" in name or Path(text).exists():
+            name, what = "", text
+        targets.append(Target(name or _name_of(what), what))
+    names = [target.name for target in targets]
+    clashes = sorted({name for name in names if names.count(name) > 1})
+    if clashes:
+        raise InputError(
+            [
+                f"method {name}: given more than once; tell them apart by NAME=..."
+                for name in clashes
+            ]
+        )
+    return targets
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Scenes and methods, all checked, before any model has run."""
+
+    scenes: tuple[Scene, ...]
+    names: tuple[str, ...]
+    """Of the methods, in the order given."""
+    methods: Mapping[str, Method]
+    """Those whose maps are there."""
+    models: Mapping[str, Estimator]
+    """Those that must be run."""
+
+    def run(self, folder: Path, *, progress: Progress) -> list[Method]:
+        """All methods; models are run into folder/<method>/<scene>, what is done there is kept.
+
+        Raises:
+            InputError: all scenes that a model could not predict.
+        """
+        problems = Problems()
+        methods = dict(self.methods)
+        folders = {scene.name: scene.folder for scene in self.scenes}
+        for name, estimator in self.models.items():
+            with problems.gather():
+                maps = run_model(estimator, folders, folder / name, progress=progress)
+                source = ", ".join(Path(w.source).name for w in estimator.weights)
+                methods[name] = Method(name, f"weights {source}", maps)
+        problems.raise_any()
+        return [methods[name] for name in self.names]
+
+
+def prepare(
+    texts: Sequence[str], data: Path, scene_names: Sequence[str] = (), device: str | None = None
+) -> Prepared:
+    """Find and check scenes and methods.
+
+    Args:
+        texts: the methods, see `named_targets`.
+        data: a scene with truth, or a folder of them.
+        scene_names: of the scenes meant; none means all.
+        device: to run models on; None takes a GPU where there is one.
+
+    Raises:
+        InputError: all that is wrong with any scene, map or model.
+    """
+    problems = Problems()
+    found: dict[str, list[Path]] = {}
+    with problems.gather():
+        found = scene_folders(data)
+    scenes = gather_scenes(found, scene_names, problems)
+    methods: dict[str, Method] = {}
+    models: dict[str, Estimator] = {}
+    targets: list[Target] = []
+    with problems.gather():
+        targets = named_targets(texts)
+    for target in targets:
+        with problems.gather():
+            if target.is_model:
+                models[target.name] = target.load(device)
+            elif found:
+                folder = Path(target.what)
+                maps = find_maps(folder, [scene.name for scene in scenes], found)
+                method = Method(target.name, str(folder.resolve()), maps)
+                check_maps(method, scenes)
+                methods[target.name] = method
+    problems.raise_any()
+    names = tuple(target.name for target in targets)
+    return Prepared(tuple(scenes), names, methods, models)
+
+
+def run_model(
+    estimator: Estimator, folders: Mapping[str, Path], output: Path, *, progress: Progress
+) -> dict[str, MapFile]:
+    """Predict scenes, folders by name, into output/<scene>.
+
+    Raises:
+        InputError: all scenes that could not be predicted.
+    """
+    outcomes = predict_all(
+        estimator,
+        list(folders.values()),
+        output,
+        reading=Reading("hci"),
+        options=Options(),
+        progress=progress,
+    )
+    problems = [problem for outcome in outcomes for problem in outcome.problems]
+    if problems:
+        raise InputError(problems)
+    return find_maps(output, folders)
+
+
+def _name_of(what: str) -> str:
+    return Path(what).stem if what.endswith(WEIGHTS_SUFFIX) else Path(what).resolve().name
