@@ -69,19 +69,6 @@ class Evaluation:
         return method.maps[scene.name].read(scene.size)
 
 
-def check_maps(method: Method, scenes: Sequence[Scene]) -> None:
-    """Read a method's maps, so that nothing is scored before all can be.
-
-    Raises:
-        InputError: all maps that cannot be used.
-    """
-    problems = Problems()
-    for scene in scenes:
-        with problems.gather():
-            method.maps[scene.name].read(scene.size)
-    problems.raise_any()
-
-
 def evaluate(
     methods: Sequence[Method],
     scenes: Sequence[Scene],
@@ -103,13 +90,6 @@ def evaluate(
         InputError: all maps, truths and masks that cannot be used.
     """
     problems = Problems()
-    for scene in scenes:
-        if 2 * border_px >= min(scene.size):
-            problems.append(
-                f"{scene.folder}: {scene.size[1]}x{scene.size[0]} px leave nothing within a "
-                f"border of {border_px} px; give a smaller --border"
-            )
-    problems.raise_any()
     scores: dict[tuple[str, str, str], Score] = {}
     for scene in scenes:
         with problems.gather():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from epinet.errors import InputError
 from epinet.io import read_pfm
 from epinet.io.problems import Problems, listed, parsing
+
+Size = tuple[int, int]
+"""(height, width) in pixels."""
 
 SUFFIXES = (".pfm", ".npy")
 MAPS_FOLDER, RUNTIMES_FOLDER = "disp_maps", "runtimes"
@@ -31,7 +34,7 @@ class MapFile:
     seconds: float | None = None
     """Run time; None if it is not stated."""
 
-    def read(self, size: tuple[int, int]) -> NDArray[np.float32]:
+    def read(self, size: Size) -> NDArray[np.float32]:
         """(H, W) in px per adjacent view; not finite where there is no estimate.
 
         Raises:
@@ -49,19 +52,20 @@ class MapFile:
 
 
 def find_maps(
-    folder: Path, scenes: Collection[str], others: Collection[str] = ()
+    folder: Path, sizes: Mapping[str, Size], others: Collection[str] = ()
 ) -> dict[str, MapFile]:
-    """The map of each scene.
+    """The map of each scene, each read once to check it.
 
     Args:
         folder: holds `<scene>.pfm` or `<scene>.npy` (perhaps in `disp_maps`), or result folders
             `<scene>` of `epinet predict`, or is such a result folder; run times may stand in
             `runtimes/<scene>.txt`.
-        scenes: names of those that need a map.
+        sizes: (height, width) in px of the scenes that need a map, by name.
         others: names of scenes whose maps are passed over.
 
     Raises:
-        InputError: all that is missing, unknown, ambiguous or cannot be read.
+        InputError: all maps that are missing, ambiguous, of no known scene, of the wrong size or
+            cannot be read.
     """
     if not folder.is_dir():
         what = "a file" if folder.exists() else "no such folder"
@@ -75,14 +79,14 @@ def find_maps(
         )
     problems = Problems()
     for name, paths in candidates.items():
-        if name not in scenes and name not in others:
-            problems.append(
-                f"{paths[0]}: no scene is named {name}; there are {listed(sorted(scenes))}"
-            )
+        if name not in sizes and name not in others:
+            known = sorted({*sizes, *others})
+            problems.append(f"{paths[0]}: no scene is named {name}; there are {listed(known, 12)}")
     found = {}
-    for name in scenes:
+    for name, size in sizes.items():
         with problems.gather():
             found[name] = _map_of(folder, name, candidates.get(name, []))
+            found[name].read(size)
     problems.raise_any()
     return found
 
@@ -116,10 +120,18 @@ def _map_of(folder: Path, name: str, paths: list[Path]) -> MapFile:
     if stated.exists():
         with parsing(stated, "text"):
             return MapFile(path, parse_runtime(stated.read_text(), stated))
-    record = path.parent / "run.json"
-    if path.name in _RESULT_MAPS and record.exists():
-        return MapFile(path, _seconds_of_run(record))
-    return MapFile(path)
+    return result_map(path.parent) if path.name in _RESULT_MAPS else MapFile(path)
+
+
+def result_map(folder: Path) -> MapFile:
+    """The map of a result folder of `epinet predict`, with its run time.
+
+    Raises:
+        InputError: its run.json cannot be read, or its map is not per adjacent view.
+    """
+    path = next(folder / name for name in _RESULT_MAPS if (folder / name).exists())
+    record = folder / "run.json"
+    return MapFile(path, _seconds_of_run(record) if record.exists() else None)
 
 
 def parse_runtime(text: str, path: Path | str) -> float:

@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from epinet.benchmark.evaluate import Method, check_maps
-from epinet.benchmark.maps import MapFile, find_maps
+from epinet.benchmark.evaluate import Method
+from epinet.benchmark.maps import MapFile, find_maps, result_map
 from epinet.benchmark.scenes import Scene, gather_scenes, scene_folders
 from epinet.errors import InputError
 from epinet.io.problems import Problems
+from epinet.metrics.disparity import BORDER_PX
+from epinet.metrics.metric import Comparison
 from epinet.model.checkpoint import MODELS, shipped_weights
 from epinet.predict.batch import Options, Progress, Reading, predict_all
 from epinet.predict.estimator import Estimator, load_model
@@ -102,7 +104,12 @@ class Prepared:
 
 
 def prepare(
-    texts: Sequence[str], data: Path, scene_names: Sequence[str] = (), device: str | None = None
+    texts: Sequence[str],
+    data: Path,
+    scene_names: Sequence[str] = (),
+    *,
+    border_px: int = BORDER_PX,
+    device: str | None = None,
 ) -> Prepared:
     """Find and check scenes and methods.
 
@@ -110,6 +117,7 @@ def prepare(
         texts: the methods, see `named_targets`.
         data: a scene with truth, or a folder of them.
         scene_names: of the scenes meant; none means all.
+        border_px: will be left out on each side; something must remain.
         device: to run models on; None takes a GPU where there is one.
 
     Raises:
@@ -120,6 +128,12 @@ def prepare(
     with problems.gather():
         found = scene_folders(data)
     scenes = gather_scenes(found, scene_names, problems)
+    problems += [
+        f"{scene.folder}: a border of {border_px} px leaves nothing of {scene.size[1]}x"
+        f"{scene.size[0]} px with truth; give a smaller --border"
+        for scene in scenes
+        if not Comparison(scene.truth, scene.truth, border_px=border_px).scored.any()
+    ]
     methods: dict[str, Method] = {}
     models: dict[str, Estimator] = {}
     targets: list[Target] = []
@@ -131,10 +145,8 @@ def prepare(
                 models[target.name] = target.load(device)
             elif found:
                 folder = Path(target.what)
-                maps = find_maps(folder, [scene.name for scene in scenes], found)
-                method = Method(target.name, str(folder.resolve()), maps)
-                check_maps(method, scenes)
-                methods[target.name] = method
+                maps = find_maps(folder, {scene.name: scene.size for scene in scenes}, found)
+                methods[target.name] = Method(target.name, str(folder.resolve()), maps)
     problems.raise_any()
     names = tuple(target.name for target in targets)
     return Prepared(tuple(scenes), names, methods, models)
@@ -148,18 +160,20 @@ def run_model(
     Raises:
         InputError: all scenes that could not be predicted.
     """
-    outcomes = predict_all(
-        estimator,
-        list(folders.values()),
-        output,
-        reading=Reading("hci"),
-        options=Options(),
-        progress=progress,
+    outcomes = list(
+        predict_all(
+            estimator,
+            list(folders.values()),
+            output,
+            reading=Reading("hci"),
+            options=Options(),
+            progress=progress,
+        )
     )
     problems = [problem for outcome in outcomes for problem in outcome.problems]
     if problems:
         raise InputError(problems)
-    return find_maps(output, folders)
+    return {outcome.name: result_map(outcome.folder) for outcome in outcomes}
 
 
 def _name_of(what: str) -> str:

@@ -6,10 +6,11 @@ import csv
 import io
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from epinet import __version__
-from epinet.benchmark.evaluate import Evaluation
+from epinet.benchmark.evaluate import Evaluation, Score
 from epinet.metrics.general import RUNTIME
 from epinet.metrics.metric import Metric
 
@@ -20,12 +21,54 @@ OTHER_TRUTH = "*"
 ABSENT = "-"
 
 
-def text_tables(evaluation: Evaluation) -> str:
-    """Every score that there is, by scene and method, as lines that are never cut."""
+@dataclass(frozen=True)
+class Table:
+    """Some metrics' scores as text; each row begins with scene and method."""
+
+    metrics: tuple[Metric, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return "scene", "method", *(metric.name for metric in self.metrics)
+
+
+def score_tables(evaluation: Evaluation) -> list[Table]:
+    """Every score that there is, by scene and method, and the means over scenes."""
     metrics = [m for m in evaluation.metrics if _any_value(evaluation, m)]
-    chunks = [metrics[i : i + COLUMNS] for i in range(0, len(metrics), COLUMNS)]
-    tables = ["\n".join(_aligned(_rows(evaluation, chunk))) for chunk in chunks]
-    return "\n\n".join([*tables, "\n".join(_remarks(evaluation))])
+    chunks = [tuple(metrics[i : i + COLUMNS]) for i in range(0, len(metrics), COLUMNS)]
+    return [Table(chunk, tuple(_rows(evaluation, chunk))) for chunk in chunks]
+
+
+def text_tables(evaluation: Evaluation) -> str:
+    """The tables as lines that are never cut."""
+    tables = [
+        "\n".join(_aligned([t.header, ("", "", *(m.unit for m in t.metrics)), *t.rows]))
+        for t in score_tables(evaluation)
+    ]
+    remark = (
+        f"Border left out: {evaluation.border_px} px. Lower is better. {truths_used(evaluation)}"
+    )
+    return "\n\n".join([*tables, remark])
+
+
+def truths_used(evaluation: Evaluation) -> str:
+    """Which truth the scores stand against, in words."""
+    known = [
+        score
+        for (*_, metric), score in evaluation.scores.items()
+        if score.value is not None and metric != RUNTIME.id
+    ]
+    high = sum(score.truth == "high" for score in known)
+    text = (
+        f"{high} of the {len(known)} scores are against truth of high resolution."
+        if high
+        else "All scores are against truth of low resolution."
+    )
+    if not all(score.official for score in known):
+        text += f" {OTHER_TRUTH}: the benchmark's site takes the high one there."
+    return text
 
 
 def as_csv(evaluation: Evaluation) -> str:
@@ -71,28 +114,24 @@ def _any_value(evaluation: Evaluation, metric: Metric) -> bool:
     )
 
 
-def _rows(evaluation: Evaluation, metrics: Sequence[Metric]) -> list[list[str]]:
-    """A table of some metrics; scenes that have none of them are left out."""
-    rows = [["scene", "method", *(metric.name for metric in metrics)]]
-    scenes = 0
+def _rows(evaluation: Evaluation, metrics: Sequence[Metric]) -> list[tuple[str, ...]]:
+    """Scenes that have none of the metrics are left out."""
+    rows: list[tuple[str, ...]] = []
     for scene in evaluation.scenes:
-        block = []
         for method in evaluation.methods:
             scores = [evaluation.scores[method.name, scene.name, m.id] for m in metrics]
-            marks = ["" if s.official else OTHER_TRUTH for s in scores]
-            texts = [
-                score_text(s.value) + (mark if s.value is not None else "")
-                for s, mark in zip(scores, marks, strict=True)
-            ]
-            if any(s.value is not None for s in scores):
-                block.append([scene.name, method.name, *texts])
-        rows += block
-        scenes += bool(block)
-    if scenes > 1:
+            if any(score.value is not None for score in scores):
+                rows.append((scene.name, method.name, *map(_marked, scores)))
+    if len({scene for scene, *_ in rows}) > 1:
         for method in evaluation.methods:
             means = [evaluation.mean(method, metric)[0] for metric in metrics]
-            rows.append(["mean", method.name, *map(score_text, means)])
+            rows.append(("mean", method.name, *map(score_text, means)))
     return rows
+
+
+def _marked(score: Score) -> str:
+    mark = "" if score.official or score.value is None else OTHER_TRUTH
+    return score_text(score.value) + mark
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -106,19 +145,6 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
         ]
         lines.append("  ".join(cells).rstrip())
     return lines
-
-
-def _remarks(evaluation: Evaluation) -> list[str]:
-    remarks = [f"Border left out: {evaluation.border_px} px. Lower is better."]
-    truths = {(s.truth, s.official) for s in evaluation.scores.values() if s.value is not None}
-    if any(resolution == "high" for resolution, _ in truths):
-        remarks.append("Truth of high resolution was used for some scores: see CSV or JSON.")
-    if any(not official for _, official in truths):
-        remarks.append(
-            f"{OTHER_TRUTH} against the low-resolution truth, where the benchmark's site takes the "
-            "high one."
-        )
-    return remarks
 
 
 def _document(evaluation: Evaluation) -> dict[str, Any]:

@@ -53,12 +53,17 @@ def evaluate(
     from epinet.benchmark.report import write_report
     from epinet.benchmark.table import text_tables
     from epinet.io.atomic import check_writable
+    from epinet.io.problems import Problems
     from epinet.metrics.catalogue import benchmark_metrics
     from epinet.metrics.disparity import BADPIX_THRESHOLDS_PX
 
     keep_freed_memory()
-    metrics = benchmark_metrics(badpix or BADPIX_THRESHOLDS_PX)
-    prepared = prepare(methods, data, scene or (), device)
+    problems = Problems()
+    with problems.gather():
+        metrics = benchmark_metrics(badpix or BADPIX_THRESHOLDS_PX)
+    with problems.gather():
+        prepared = prepare(methods, data, scene or (), border_px=border, device=device)
+    problems.raise_any()
     if output is not None:
         check_writable(output)
     with TemporaryDirectory() as temporary:
