@@ -13,6 +13,7 @@ from epinet.commands.demo import demo
 from epinet.commands.evaluate import evaluate
 from epinet.commands.info import info
 from epinet.commands.predict import predict
+from epinet.commands.submit import submit
 from epinet.commands.synth import synth, validation
 from epinet.commands.train import train
 from epinet.errors import InputError
@@ -25,7 +26,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     add_completion=False,
 )
-for command in (info, predict, demo, evaluate, train, synth, validation):
+for command in (info, predict, demo, evaluate, submit, train, synth, validation):
     app.command()(command)
 app.add_typer(weights.app, name="weights")
 

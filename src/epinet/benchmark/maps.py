@@ -41,18 +41,35 @@ class MapFile:
             InputError: it is in colour, of another size, or cannot be read.
         """
         map_ = read_pfm(self.path) if self.path.suffix.lower() == ".pfm" else _read_npy(self.path)
-        if map_.ndim == 3:
-            raise InputError(f"{self.path}: in colour (PF); a map has one value a pixel (Pf)")
-        if map_.shape != size:
-            raise InputError(
-                f"{self.path}: the map is {_size_text(map_.shape)}, the scene {_size_text(size)}; "
-                "maps must cover the whole view"
-            )
+        check_map(map_, size, self.path)
         return map_
 
 
+def check_map(map_: NDArray[Any], size: Size, path: Path | str) -> None:
+    """Refuse a map in colour or of another size.
+
+    Raises:
+        InputError: naming `path`.
+    """
+    if map_.ndim == 3:
+        raise InputError(f"{path}: in colour (PF); a map has one value a pixel (Pf)")
+    if map_.shape != size:
+        raise InputError(
+            f"{path}: the map is {_size_text(map_.shape)}, it must be {_size_text(size)}, as large "
+            "as the views"
+        )
+
+
+def missing_values(map_: NDArray[Any], path: Path | str) -> list[str]:
+    """What to say of values that are not finite, if there are any."""
+    missing = int(np.sum(~np.isfinite(map_)))
+    if not missing:
+        return []
+    return [f"{path}: {missing} of {map_.size} values are not finite; fill in an estimate"]
+
+
 def find_maps(
-    folder: Path, sizes: Mapping[str, Size], others: Collection[str] = ()
+    folder: Path, sizes: Mapping[str, Size], others: Collection[str] = (), *, complete: bool = False
 ) -> dict[str, MapFile]:
     """The map of each scene, each read once to check it.
 
@@ -62,6 +79,7 @@ def find_maps(
             `runtimes/<scene>.txt`.
         sizes: (height, width) in px of the scenes that need a map, by name.
         others: names of scenes whose maps are passed over.
+        complete: whether every pixel must have an estimate, and every map a run time.
 
     Raises:
         InputError: all maps that are missing, ambiguous, of no known scene, of the wrong size or
@@ -86,7 +104,9 @@ def find_maps(
     for name, size in sizes.items():
         with problems.gather():
             found[name] = _map_of(folder, name, candidates.get(name, []))
-            found[name].read(size)
+            map_ = found[name].read(size)
+            if complete:
+                problems += _incomplete(found[name], map_, name)
     problems.raise_any()
     return found
 
@@ -109,8 +129,8 @@ def _candidates(folder: Path) -> dict[str, list[Path]]:
 def _map_of(folder: Path, name: str, paths: list[Path]) -> MapFile:
     if not paths:
         raise InputError(
-            f"{folder}: no map of scene {name} ({name}.pfm, {name}.npy or {name}/disparity.pfm); "
-            "name the scenes to be scored with --scene"
+            f"{folder}: no map of scene {name}; expected {name}.pfm, {name}.npy or "
+            f"{name}/disparity.pfm"
         )
     if len(paths) > 1:
         both = " and ".join(str(path) for path in paths)
@@ -121,6 +141,16 @@ def _map_of(folder: Path, name: str, paths: list[Path]) -> MapFile:
         with parsing(stated, "text"):
             return MapFile(path, parse_runtime(stated.read_text(), stated))
     return result_map(path.parent) if path.name in _RESULT_MAPS else MapFile(path)
+
+
+def _incomplete(file: MapFile, map_: NDArray[Any], name: str) -> list[str]:
+    problems = missing_values(map_, file.path)
+    if file.seconds is None:
+        problems.append(
+            f"{file.path}: no run time is stated; write it in seconds to "
+            f"{RUNTIMES_FOLDER}/{name}.txt in the folder of the maps"
+        )
+    return problems
 
 
 def result_map(folder: Path) -> MapFile:

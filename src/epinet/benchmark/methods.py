@@ -8,7 +8,13 @@ from pathlib import Path
 
 from epinet.benchmark.evaluate import Method
 from epinet.benchmark.maps import MapFile, find_maps, result_map
-from epinet.benchmark.scenes import Scene, gather_scenes, scene_folders
+from epinet.benchmark.scenes import (
+    BENCHMARK_SCENES,
+    BENCHMARK_SIDE_PX,
+    Scene,
+    gather_scenes,
+    scene_folders,
+)
 from epinet.errors import InputError
 from epinet.io.problems import Problems
 from epinet.metrics.disparity import BORDER_PX
@@ -174,6 +180,35 @@ def run_model(
     if problems:
         raise InputError(problems)
     return {outcome.name: result_map(outcome.folder) for outcome in outcomes}
+
+
+def maps_to_submit(
+    what: str, data: Path | None, folder: Path, *, device: str | None = None, progress: Progress
+) -> dict[str, MapFile]:
+    """Maps of the benchmark's 12 scenes with run times, from a folder or by running a model.
+
+    Args:
+        what: as in `Target`.
+        data: folder of the scenes, for a model.
+        folder: takes a model's results.
+        device: to run a model on; None takes a GPU where there is one.
+        progress: told of the model's work.
+
+    Raises:
+        InputError: all scenes or maps that are missing or cannot be used.
+    """
+    target = Target("submission", what)
+    if not target.is_model:
+        size = (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
+        return find_maps(Path(what), dict.fromkeys(BENCHMARK_SCENES, size), complete=True)
+    if data is None:
+        raise InputError(f"{what}: a model needs the scenes; give their folder as --data")
+    found = scene_folders(data)
+    missing = [f"{data}: scene {name} is missing" for name in BENCHMARK_SCENES if name not in found]
+    if missing:
+        raise InputError(missing)
+    folders = {name: found[name][0] for name in BENCHMARK_SCENES}
+    return run_model(target.load(device), folders, folder, progress=progress)
 
 
 def _name_of(what: str) -> str:

@@ -17,6 +17,7 @@ from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.benchmark.standing import (
     Ranking,
     accuracy_and_time,
+    caveats,
     common_scenes,
     rankings,
     run_times,
@@ -121,7 +122,7 @@ def _ranking(evaluation: Evaluation) -> str:
     if common:
         parts.append(
             f"<p>On {_listed(common)}: the scenes scored here that have published figures. "
-            f"{OFFICIAL}</p>"
+            f"{' '.join([OFFICIAL, *caveats(evaluation)])}</p>"
         )
     else:
         parts.append(

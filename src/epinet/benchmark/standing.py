@@ -7,7 +7,8 @@ from statistics import fmean
 
 from epinet.benchmark.evaluate import Evaluation
 from epinet.benchmark.published import METRICS, PUBLISHED
-from epinet.benchmark.scenes import BENCHMARK_SCENES
+from epinet.benchmark.scenes import BENCHMARK_SCENES, BENCHMARK_SIDE_PX
+from epinet.metrics.disparity import BORDER_PX
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,31 @@ class Point:
 
 
 def common_scenes(evaluation: Evaluation) -> tuple[str, ...]:
-    """The scenes scored here that have published figures."""
-    return tuple(
-        scene.name for name in BENCHMARK_SCENES for scene in evaluation.scenes if scene.name == name
-    )
+    """The scenes scored here that have published figures; told by name and size."""
+    side = BENCHMARK_SIDE_PX
+    here = {scene.name for scene in evaluation.scenes if scene.size == (side, side)}
+    return tuple(name for name in BENCHMARK_SCENES if name in here)
+
+
+def caveats(evaluation: Evaluation) -> list[str]:
+    """Why scores here and published ones may differ for other reasons than the methods."""
+    found = []
+    if evaluation.border_px != BORDER_PX:
+        found.append(
+            f"The published figures leave out {BORDER_PX} px, these {evaluation.border_px} px."
+        )
+    unlike = {
+        scene
+        for (_, scene, metric), score in evaluation.scores.items()
+        if metric in METRICS and not score.official
+    }
+    low = [scene for scene in common_scenes(evaluation) if scene in unlike]
+    if low:
+        found.append(
+            f"On {', '.join(low)} the scores here are against truth of low resolution, for want of "
+            "the high one: they come out lower than the official ones by that alone."
+        )
+    return found
 
 
 def ranking(evaluation: Evaluation, metric: str) -> Ranking | None:
