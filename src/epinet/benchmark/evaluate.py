@@ -52,6 +52,10 @@ class Evaluation:
     """By the names of method and scene and the metric's id."""
     border_px: int = BORDER_PX
 
+    def metric(self, id_: str) -> Metric | None:
+        """The metric of that id; None where it was not asked for."""
+        return next((metric for metric in self.metrics if metric.id == id_), None)
+
     def value(self, method: Method, scene: Scene, metric: Metric) -> float | None:
         """A score, None where there is none."""
         return self.scores[method.name, scene.name, metric.id].value

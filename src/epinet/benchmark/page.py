@@ -76,7 +76,7 @@ def _summary(evaluation: Evaluation) -> str:
 
 
 def _means(evaluation: Evaluation) -> str:
-    metrics = score_tables(evaluation)[0].metrics
+    metrics = [metric for table in score_tables(evaluation)[:1] for metric in table.metrics]
     methods = evaluation.methods
     means = [[evaluation.mean(method, metric)[0] for method in methods] for metric in metrics]
     rows = [
@@ -90,11 +90,10 @@ def _means(evaluation: Evaluation) -> str:
 
 def _accuracy_and_time(evaluation: Evaluation) -> str:
     common = common_scenes(evaluation)
-    by_id = {metric.id: metric for metric in evaluation.metrics}
     panels = [
-        (f"{by_id[id_].name} ({by_id[id_].unit})", accuracy_and_time(evaluation, id_))
-        for id_ in ("badpix_0.07", "mse_x100")
-        if id_ in by_id
+        (f"{metric.name} ({metric.unit})", accuracy_and_time(evaluation, metric.id))
+        for metric in map(evaluation.metric, ("badpix_0.07", "mse_x100"))
+        if metric is not None
     ]
     panels = [(name, points) for name, points in panels if points]
     if common:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 
 import numpy as np
@@ -29,7 +30,7 @@ def overview(evaluation: Evaluation) -> str:
     for scene in evaluation.scenes:
         bounds = robust_range(scene.truth)
         cells = [
-            f'<td><a href="#scene-{escape(scene.name)}">{escape(scene.name)}</a></td>',
+            f'<td><a href="#{_anchor(scene)}">{escape(scene.name)}</a></td>',
             f"<td>{_thumbnail(pictures.disparity_picture(scene.truth, bounds), scene.name)}</td>",
         ]
         for method in evaluation.methods:
@@ -93,7 +94,7 @@ def card(evaluation: Evaluation, scene: Scene) -> str:
         beside += ["<span></span>"] * (len(rows) - len(beside))
         cells = "".join(left + row for left, row in zip(beside, rows, strict=True))
     return (
-        f'<article id="scene-{escape(scene.name)}"><div class="heading">'
+        f'<article id="{_anchor(scene)}"><div class="heading">'
         f"<h3>{escape(scene.name)}</h3><span>{about}</span></div>"
         f'<div class="maps" style="grid-template-columns: repeat({columns}, 1fr)">{cells}</div>'
         "</article>"
@@ -135,6 +136,10 @@ def _picture(picture: Rgb, caption: str, *, method: str = "", photograph: bool =
 
 def _thumbnail(picture: Rgb, label: str) -> str:
     return f'<img src="{pictures.data_uri(picture, THUMBNAIL_PX)}" alt="{escape(label)}">'
+
+
+def _anchor(scene: Scene) -> str:
+    return "scene-" + re.sub(r"\W", "-", scene.name)
 
 
 def _bar(name: str) -> str:

@@ -9,6 +9,7 @@ from epinet.benchmark.evaluate import Evaluation
 from epinet.benchmark.published import METRICS, PUBLISHED
 from epinet.benchmark.scenes import BENCHMARK_SCENES, BENCHMARK_SIDE_PX
 from epinet.metrics.disparity import BORDER_PX
+from epinet.metrics.general import RUNTIME
 
 
 @dataclass(frozen=True)
@@ -104,8 +105,7 @@ def ranking(evaluation: Evaluation, metric: str) -> Ranking | None:
 
 def rankings(evaluation: Evaluation) -> list[Ranking]:
     """By each metric that is scored here and has published figures."""
-    scored = {metric.id for metric in evaluation.metrics}
-    found = (ranking(evaluation, metric) for metric in METRICS if metric in scored)
+    found = (ranking(evaluation, metric) for metric in METRICS if evaluation.metric(metric))
     return [each for each in found if each is not None]
 
 
@@ -113,15 +113,18 @@ def accuracy_and_time(evaluation: Evaluation, metric: str) -> list[Point]:
     """Methods whose run time is known: means over the common scenes.
 
     Where no scene is common, ours are over our scenes and the published over the site's twelve:
-    two different things, to be told apart by whoever shows them.
+    two different things, to be told apart by whoever shows them. Empty where the metric or the
+    run time was not asked for.
     """
     common = common_scenes(evaluation)
     scenes = [scene for scene in evaluation.scenes if not common or scene.name in common]
-    by_id = {each.id: each for each in evaluation.metrics}
+    accuracy, runtime = evaluation.metric(metric), evaluation.metric(RUNTIME.id)
+    if accuracy is None or runtime is None:
+        return []
     points = []
     for method in evaluation.methods:
-        value, _ = evaluation.mean(method, by_id[metric], scenes)
-        seconds, _ = evaluation.mean(method, by_id["runtime"], scenes)
+        value, _ = evaluation.mean(method, accuracy, scenes)
+        seconds, _ = evaluation.mean(method, runtime, scenes)
         if value is not None and seconds is not None:
             points.append(Point(method.name, True, seconds, value))
     for other in PUBLISHED:
@@ -133,11 +136,12 @@ def accuracy_and_time(evaluation: Evaluation, metric: str) -> list[Point]:
 
 def run_times(evaluation: Evaluation) -> list[tuple[str, bool, float]]:
     """(method, scored here, mean seconds a scene), the fastest first."""
-    runtime = next(metric for metric in evaluation.metrics if metric.id == "runtime")
-    times = [
-        (method.name, True, evaluation.mean(method, runtime)[0]) for method in evaluation.methods
-    ]
-    times += [(other.name, False, other.seconds) for other in PUBLISHED]
-    return sorted(
-        ((name, ours, s) for name, ours, s in times if s is not None), key=lambda each: each[2]
-    )
+    runtime = evaluation.metric(RUNTIME.id)
+    times = [(other.name, False, other.seconds) for other in PUBLISHED]
+    if runtime is not None:
+        times += [
+            (method.name, True, evaluation.mean(method, runtime)[0])
+            for method in evaluation.methods
+        ]
+    known = ((name, ours, seconds) for name, ours, seconds in times if seconds is not None)
+    return sorted(known, key=lambda each: each[2])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from epinet import __version__
-from epinet.benchmark.evaluate import Evaluation, Score
+from epinet.benchmark.evaluate import Evaluation, Method, Score
 from epinet.metrics.general import RUNTIME
 from epinet.metrics.metric import Metric
 
@@ -79,12 +79,9 @@ def as_csv(evaluation: Evaluation) -> str:
     units = {metric.id: metric.unit for metric in evaluation.metrics}
     for (method, scene, metric), score in sorted(evaluation.scores.items()):
         value = "" if score.value is None else repr(score.value)
-        writer.writerow(
-            [
-                *(method, scene, metric, value, units[metric], score.truth or ""),
-                *(evaluation.border_px, score.absent),
-            ]
-        )
+        truth = score.truth or ""
+        border = evaluation.border_px
+        writer.writerow([method, scene, metric, value, units[metric], truth, border, score.absent])
     return out.getvalue()
 
 
@@ -169,17 +166,13 @@ def _document(evaluation: Evaluation) -> dict[str, Any]:
         },
         "methods": {method.name: method.source for method in evaluation.methods},
         "scores": scores,
-        "means": {
-            method.name: {
-                metric.id: dict(
-                    zip(("value", "scenes"), evaluation.mean(method, metric), strict=True)
-                )
-                for metric in evaluation.metrics
-                if evaluation.mean(method, metric)[1]
-            }
-            for method in evaluation.methods
-        },
+        "means": {method.name: _means(evaluation, method) for method in evaluation.methods},
     }
+
+
+def _means(evaluation: Evaluation, method: Method) -> dict[str, dict[str, float | None]]:
+    means = {metric.id: evaluation.mean(method, metric) for metric in evaluation.metrics}
+    return {id_: {"value": mean, "scenes": count} for id_, (mean, count) in means.items() if count}
 
 
 def _metric(metric: Metric) -> dict[str, Any]:
