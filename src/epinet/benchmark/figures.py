@@ -67,7 +67,8 @@ def accuracy_against_time(
             axes.set_xlabel("run time (s)")
             axes.set_title(name, loc="left")
             axes.grid(color="#e2e8f0", zorder=0)
-        figure.draw_without_rendering()  # places the axes
+        figure.draw_without_rendering()  # places the axes, which the names must not move
+        figure.set_layout_engine("none")
         for axes, (_, points) in zip(row, panels, strict=True):
             _label_points(axes, points)
         return _svg(figure)
@@ -104,7 +105,7 @@ def run_time_bars(times: Sequence[tuple[str, bool, float]]) -> str:
 
 def _seconds_axis(axes: Axes, seconds: Sequence[float]) -> None:
     axes.set_xscale("log")
-    axes.set_xlim(min(seconds) / 3, max(seconds) * 6)
+    axes.set_xlim(min(seconds) / 5, max(seconds) * 6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
 
@@ -147,14 +148,17 @@ def _label_points(axes: Axes, points: Sequence[Point]) -> None:
             (x - width - 8, y - 6),
             (x + 8, y + 10),
             (x + 8, y - 22),
+            (x - width / 2, y + 22),
         ]
         boxes = [Bbox.from_bounds(left, bottom, width, 12) for left, bottom in choices]
-        box = next((b for b in boxes if not b.count_overlaps(taken)), boxes[0])
+        inside = [box for box in boxes if box.x0 >= axes.bbox.x0 and box.x1 <= axes.bbox.x1]
+        box = next((b for b in inside if not b.count_overlaps(taken)), boxes[0])
         taken.append(box)
         axes.annotate(
             point.method,
-            (box.x0, box.y0),
-            xycoords="figure pixels",
+            (point.seconds, point.value),
+            (box.x0 - x, box.y0 - y),
+            textcoords="offset points",
             va="bottom",
             fontsize=10,
             color=OURS if point.ours else "#334155",

@@ -22,7 +22,7 @@ from epinet.benchmark.standing import (
     rankings,
     run_times,
 )
-from epinet.benchmark.table import score_tables, score_text, truths_used
+from epinet.benchmark.table import ABSENT, score_tables, score_text, truths_used
 from epinet.metrics.metric import Metric
 
 OFFICIAL = (
@@ -124,9 +124,12 @@ def _ranking(evaluation: Evaluation) -> str:
             f"{' '.join([OFFICIAL, *caveats(evaluation)])}</p>"
         )
     else:
+        rest = (
+            "the methods are ranked among themselves" if found else "there is nothing to rank with"
+        )
         parts.append(
             "<p>None of these scenes has published figures (only the benchmark's twelve do), so "
-            "the methods are ranked among themselves.</p>"
+            f"{rest}.</p>"
         )
     if found:
         parts.append(f"<figure>{figures.ranks(found, names)}")
@@ -152,14 +155,10 @@ def _ranking_table(ranking: Ranking, name: str) -> str:
 
 def _published_means() -> str:
     header = ["method", "BadPix(.07)", "BadPix(.03)", "BadPix(.01)", "MSE x100", "run time (s)"]
-    rows = [
-        [
-            other.name,
-            *(score_text(other.mean(metric, BENCHMARK_SCENES)) for metric in METRICS),
-            score_text(other.seconds),
-        ]
-        for other in PUBLISHED
-    ]
+    rows = []
+    for other in PUBLISHED:
+        known = [*(other.mean(metric, BENCHMARK_SCENES) for metric in METRICS), other.seconds]
+        rows.append([other.name, *(ABSENT if f is None else f"{f:g}" for f in known)])
     return "<h3>Published means of the benchmark's 12 scenes</h3>" + html_table(header, rows)
 
 
