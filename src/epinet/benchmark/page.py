@@ -154,12 +154,13 @@ def _ranking_table(ranking: Ranking, name: str) -> str:
 
 
 def _published_means() -> str:
-    header = ["method", "BadPix(.07)", "BadPix(.03)", "BadPix(.01)", "MSE x100", "run time (s)"]
+    scores = ["BadPix(.07)", "BadPix(.03)", "BadPix(.01)", "MSE x100", "run time (s)"]
     rows = []
     for other in PUBLISHED:
         known = [*(other.mean(metric, BENCHMARK_SCENES) for metric in METRICS), other.seconds]
-        rows.append([other.name, *(ABSENT if f is None else f"{f:g}" for f in known)])
-    return "<h3>Published means of the benchmark's 12 scenes</h3>" + html_table(header, rows)
+        rows.append([other.name, other.source, *(ABSENT if f is None else f"{f:g}" for f in known)])
+    table = html_table(["method", "source", *scores], rows, left=2)
+    return f"<h3>Published means of the benchmark's 12 scenes</h3>{table}"
 
 
 def _all_scores(evaluation: Evaluation) -> str:
