@@ -17,7 +17,7 @@ LAYERS = (
     {"model"},
     {"synth"},
     {"predict"},
-    {"train"},
+    {"train", "benchmark"},
     {"commands"},
     {"cli"},
 )

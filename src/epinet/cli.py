@@ -12,11 +12,13 @@ from epinet.commands import weights
 from epinet.commands.calibrate import calibrate
 from epinet.commands.demo import demo
 from epinet.commands.depth import depth
+from epinet.commands.evaluate import evaluate
 from epinet.commands.fade import fade
 from epinet.commands.info import info
 from epinet.commands.mesh import mesh
 from epinet.commands.predict import predict
 from epinet.commands.refocus import refocus
+from epinet.commands.submit import submit
 from epinet.commands.synth import synth, validation
 from epinet.commands.train import train
 from epinet.commands.wiggle import wiggle
@@ -40,6 +42,8 @@ COMMANDS = (
     fade,
     wiggle,
     demo,
+    evaluate,
+    submit,
     train,
     synth,
     validation,
