@@ -9,6 +9,7 @@ import typer
 
 from epinet import __version__
 from epinet.commands import weights
+from epinet.commands.convert import convert
 from epinet.commands.demo import demo
 from epinet.commands.info import info
 from epinet.commands.predict import predict
@@ -24,7 +25,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     add_completion=False,
 )
-for command in (info, predict, demo, train, synth, validation):
+for command in (info, predict, convert, demo, train, synth, validation):
     app.command()(command)
 app.add_typer(weights.app, name="weights")
 
