@@ -16,6 +16,7 @@ from epinet.raw.capture import Capture, read_capture
 from epinet.raw.colour import balance, to_srgb
 from epinet.raw.interpolate import sample_lenslets
 from epinet.raw.lenslets import fit_grid
+from epinet.raw.metadata import Frame
 from epinet.raw.optics import camera_of
 from epinet.raw.views import Sampling, SquarePixels, plan_sampling
 from epinet.raw.vignetting import measured_falloff
@@ -23,6 +24,9 @@ from epinet.raw.white import BESIDE, choose_white, find_whites, levels, normalis
 
 DEFAULT_VIEWS = 9
 FEWEST_VIEWS, MOST_VIEWS = 3, 15
+
+_SAMPLING_SHARE = 0.5
+"""Of the work, for showing progress."""
 
 
 def decode(
@@ -47,19 +51,43 @@ def decode(
     if views % 2 == 0 or not FEWEST_VIEWS <= views <= MOST_VIEWS:
         raise InputError(f"{views} views: an odd number from {FEWEST_VIEWS} to {MOST_VIEWS}")
     capture = read_capture(path)
+    white_raw, notes = _white_of(capture, path, white)
+    pixels, sampling = decode_capture(capture, white_raw, views, progress)
+    return LightField(
+        pixels,
+        camera=camera_of(capture.frame, sampling),
+        notes=notes + _notes(capture.frame, sampling),
+    )
+
+
+def decode_capture(
+    capture: Capture,
+    white: NDArray[np.uint16] | None,
+    views: int = DEFAULT_VIEWS,
+    progress: Callable[[float], None] = lambda share: None,
+) -> tuple[NDArray[np.uint16], Sampling]:
+    """Views (V, V, H, W, 3), 16-bit sRGB, and where they lie on the sensor.
+
+    Args:
+        capture: the raw capture.
+        white: (H, W) raw white image; None estimates vignetting and lenslets from the capture.
+        views: per row and column; odd.
+        progress: called with shares of the work.
+
+    Raises:
+        InputError: no grid of lenslets is to be seen, or the white image is dark.
+    """
     frame = capture.frame
-    chosen, notes = _white_of(capture, path, white)
-    image = levels(capture.raw, frame)
-    if chosen is None:
-        grid = fit_grid(image, frame.pitch_px, frame.where)
-        seen = image
-    else:
-        seen = normalised_white(levels(chosen, frame), frame)
-        grid = fit_grid(seen, frame.pitch_px, f"the white image of {frame.where}")
     pattern = mosaic(frame.upper_left)
-    falloff = measured_falloff(seen, grid, pattern)
-    if chosen is not None:
-        image /= seen
+    image = levels(capture.raw, frame)
+    if white is None:
+        grid = fit_grid(image, frame.pitch_px, frame.where)
+        falloff = measured_falloff(image, grid, pattern)
+    else:
+        bright = normalised_white(levels(white, frame), frame)
+        grid = fit_grid(bright, frame.pitch_px, f"the white image for {frame.where}")
+        falloff = measured_falloff(bright, grid, pattern)
+        image /= bright
     balance(image, frame, pattern)
     sampling = plan_sampling(grid, frame.size, views, frame.where)
     index = sampling.index()
@@ -70,19 +98,15 @@ def decode(
         pattern,
         index.reshape(-1, 2),
         sampling.directions,
-        devignetted=chosen is not None,
-        progress=lambda share: progress(0.6 * share),
-    ).reshape(*index.shape[:2], views * views, 3)
-    out = np.empty((views * views, *sampling.size, 3), np.uint16)
+        devignetted=white is not None,
+        progress=lambda share: progress(_SAMPLING_SHARE * share),
+    ).reshape(*index.shape[:2], views**2, 3)
     square = SquarePixels(sampling)
-    for k in range(views * views):
-        out[k] = to_srgb(square.view(np.ascontiguousarray(samples[:, :, k])), frame)
-        progress(0.4 / views**2)
-    return LightField(
-        out.reshape(views, views, *out.shape[1:]),
-        camera=camera_of(frame, sampling),
-        notes=notes + _notes(capture, sampling),
-    )
+    pixels = np.empty((views**2, *sampling.size, 3), np.uint16)
+    for k in range(views**2):
+        pixels[k] = to_srgb(square.view(np.ascontiguousarray(samples[:, :, k])), frame)
+        progress((1 - _SAMPLING_SHARE) / views**2)
+    return pixels.reshape(views, views, *pixels.shape[1:]), sampling
 
 
 def _white_of(
@@ -110,8 +134,8 @@ def _white_of(
     return white.read(), (f"vignetting by the white image {white.frame.where}{off}",)
 
 
-def _notes(capture: Capture, sampling: Sampling) -> tuple[str, ...]:
-    frame, grid = capture.frame, sampling.grid
+def _notes(frame: Frame, sampling: Sampling) -> tuple[str, ...]:
+    grid = sampling.grid
     serial = "unknown" if frame.serial is None else frame.serial
     notes = [
         f"raw capture of a Lytro {frame.model}, serial number {serial}",

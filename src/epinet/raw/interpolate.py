@@ -21,7 +21,7 @@ from epinet.raw.vignetting import Falloff
 
 Floats = NDArray[np.float64]
 
-_PLACES = 16
+_PLACES = 8
 """Distinguished positions of a centre per pixel."""
 _RIM = 0.98
 """Share of a lenslet's radius within which pixels count."""

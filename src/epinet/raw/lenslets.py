@@ -23,6 +23,8 @@ _PITCH_TOLERANCE = 0.02
 _PEAK_BINS = 1.5
 """How far from the nominal the spectrum's peak is sought: as share of its frequency, and beyond
 that in bins. Textures make peaks of their own beside it."""
+_PEAK_ABOVE = 10.0
+"""How many times the spectrum's median around it a peak is to be; noise reaches about 4."""
 _MOST_CENTRES = 10_000
 _ROUNDS, _LAST_ROUNDS = 2, 4
 _OUTLIER = 3.0
@@ -150,7 +152,10 @@ def _start(image: Image, pitch_px: float, where: str) -> LensletGrid:
     frequencies = []
     for angle in (-np.pi / 6, np.pi / 2):
         near = radius * np.array([np.cos(angle), np.sin(angle)])
-        frequencies.append(_peak(spectrum, near, _PITCH_TOLERANCE * radius + _PEAK_BINS / side))
+        peak = _peak(spectrum, near, _PITCH_TOLERANCE * radius + _PEAK_BINS / side)
+        if peak is None:
+            raise _no_grid(where, pitch_px)
+        frequencies.append(peak)
     along, down = np.linalg.inv(np.array(frequencies)).T
     y, x = np.mgrid[:side, :side]
     phases = [
@@ -172,13 +177,19 @@ def _gaps(image: Image, pitch_px: float) -> Floats:
     return np.asarray(np.clip(image / level, 0, 1), np.float64)
 
 
-def _peak(spectrum: NDArray[np.complex128], near: Floats, tolerance: float) -> Floats:
-    """Frequency (x, y) of the strongest peak near one, to a part of a bin."""
+def _peak(spectrum: NDArray[np.complex128], near: Floats, tolerance: float) -> Floats | None:
+    """Frequency (x, y) of the strongest peak near one, to a part of a bin; None if none stands out.
+
+    It is to stand out of the spectrum within 30 % of its frequency around.
+    """
     side = spectrum.shape[0]
     axis = np.fft.fftfreq(side)
     power = np.abs(spectrum)
-    far = np.hypot(axis[None, :] - near[0], axis[:, None] - near[1]) > tolerance
-    row, col = np.unravel_index(np.argmax(np.where(far, 0, power)), power.shape)
+    distance = np.hypot(axis[None, :] - near[0], axis[:, None] - near[1])
+    row, col = np.unravel_index(np.argmax(np.where(distance > tolerance, 0, power)), power.shape)
+    around = np.median(power[distance < 0.3 * np.hypot(*near)])
+    if power[row, col] <= _PEAK_ABOVE * around:
+        return None
     offset = []
     for line in (
         power[row, (col + np.arange(-1, 2)) % side],

@@ -142,9 +142,7 @@ class _Reader:
 
     def number(self, key: str) -> float:
         value = self._value(key)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            return self._missing(key, value)
-        return float(value) if math.isfinite(value) else self._missing(key, value)
+        return float(value) if _is_number(value) else self._missing(key, value)
 
     def length(self, key: str) -> float:
         value = self.number(key)
@@ -157,11 +155,11 @@ class _Reader:
         return int(value)
 
     def numbers(self, key: str, count: int) -> tuple[float, ...]:
-        value = self._value(key)
-        if not isinstance(value, list) or len(value) != count:
-            self._missing(key, value)
+        values = self._value(key)
+        if not isinstance(values, list) or len(values) != count or not all(map(_is_number, values)):
+            self._missing(key, values)
             return (1.0,) * count
-        return tuple(float(v) for v in value)
+        return tuple(float(value) for value in values)
 
     def text(self, key: str) -> str:
         value = self._value(key)
@@ -190,3 +188,9 @@ class _Reader:
         what = "is missing" if found is None else f"cannot be {found!r}"
         self._problems.append(f"{self._where}: {key} {what} in the frame's metadata")
         return 1.0
+
+
+def _is_number(value: object) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return math.isfinite(value)

@@ -18,8 +18,8 @@ from epinet.raw.lenslets import LensletGrid
 
 _CORNER = 0.75
 """Share of a lenslet's radius at which the corner views look."""
-_SPARE_LENSLETS = 2
-"""At either end of a row, for the splines."""
+_BEFORE, _AFTER = 1, 2
+"""Lenslets of a row that the splines need beside the one before a pixel."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class Sampling:
     def index(self) -> NDArray[np.intp]:
         """(H, N, 2) lenslets (i, j) that are needed: N of each row, from left to right."""
         positions = self.positions()
-        first = np.floor(positions[:, 0]).astype(np.intp) - _SPARE_LENSLETS
-        count = int((np.floor(positions[:, -1]) - first).max()) + 1 + _SPARE_LENSLETS
+        first = np.floor(positions[:, 0]).astype(np.intp) - _BEFORE
+        count = int((np.floor(positions[:, -1]) - first).max()) + 1 + _AFTER
         i = first[:, None] + np.arange(count)
         rows = round(self.start[1] / self.spacing_px) + np.arange(self.size[0])
         return np.stack([i, np.broadcast_to(rows[:, None], i.shape)], axis=-1)
@@ -98,7 +98,7 @@ def plan_sampling(grid: LensletGrid, sensor: tuple[int, int], views: int, where:
     height, width = sensor
     margin = grid.pitch_px / 2 + 2
     tilt = abs(np.sin(grid.rotation))
-    spare = (_SPARE_LENSLETS + 1.5) * grid.pitch_px
+    spare = max(_BEFORE + 1, _AFTER + 1) * grid.pitch_px
     half_along = width / 2 - margin - spare - tilt * height / 2
     half_across = height / 2 - margin - tilt * width / 2
     spacing = grid.row_height_px
@@ -129,7 +129,7 @@ class SquarePixels:
             t**3 / 6,
         )
         self._rows = np.arange(len(whole))[:, None]
-        self._taps = [(whole + k - 1, weight[..., None]) for k, weight in enumerate(weights)]
+        self._taps = [(whole + k - _BEFORE, weight[..., None]) for k, weight in enumerate(weights)]
 
     def view(self, samples: Image) -> Image:
         """A view (H, W, 3) from what the lenslets of `sampling.index()` see, (H, N, 3)."""

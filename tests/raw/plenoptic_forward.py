@@ -342,14 +342,18 @@ def write_capture(
     path: Path,
     optics: Optics,
     body: Body,
-    raw: NDArray[np.uint16],
+    raw: NDArray[np.uint16] | bytes,
     embedded_white: NDArray[np.uint16] | None = None,
 ) -> Path:
-    """A .lfp of the F01 or .lfr of the Illum, as the camera's own software writes it."""
+    """A .lfp of the F01 or .lfr of the Illum, as the camera's own software writes it.
+
+    Args:
+        raw: (H, W) pixels, or packed ones.
+    """
     file = Container()
     frame = {
         "metadataRef": file.add(frame_metadata(optics, body)),
-        "imageRef": file.add(pack(raw, body.bits)),
+        "imageRef": file.add(raw if isinstance(raw, bytes) else pack(raw, body.bits)),
         "privateMetadataRef": file.add(private_metadata(body)),
     }
     if body.model == "F01":
