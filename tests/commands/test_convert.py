@@ -1,13 +1,11 @@
-"""`epinet convert`, and raw captures as input of `info` and `predict`, each in its own process."""
+"""`epinet convert`, and raw captures as input of `info` and `predict`."""
 
 from __future__ import annotations
 
 import json
 import re
-import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,19 +23,33 @@ from plenoptic_forward import (
     write_white,
 )
 
+from epinet.cli import main
 from epinet.io import read_light_field
 from epinet.raw import decode
 
 OPTICS = Optics(size=(320, 360), pitch=10.0, rotation=-0.00086, centre=(180.2, 159.1))
 
 
-def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "epinet", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+@dataclass(frozen=True)
+class Done:
+    """What a command line did."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    """Runs `epinet` with arguments, in this process as starting one takes seconds."""
+
+    def run_main(*arguments: object) -> Done:
+        monkeypatch.setattr(sys, "argv", ["epinet", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return Done(int(ended.value.code or 0), *capfd.readouterr())
+
+    return run_main
 
 
 def capture(folder: Path) -> Path:
@@ -148,64 +160,51 @@ def listing(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in files}
 
 
-@pytest.fixture(scope="module")
-def outcomes(tmp_path_factory) -> dict[str, tuple[subprocess.CompletedProcess[str], bool]]:
-    """What each case did, and whether the files were left alone; two processes at a time."""
-
-    def attempt(name: str) -> tuple[subprocess.CompletedProcess[str], bool]:
-        folder = tmp_path_factory.mktemp(name)
-        arguments = CASES[name].make(folder)
-        before = listing(folder)
-        done = run("convert", *arguments)
-        return done, listing(folder) == before
-
-    with ThreadPoolExecutor(2) as pool:
-        return dict(zip(CASES, pool.map(attempt, CASES), strict=True))
-
-
 @pytest.mark.parametrize("name", CASES)
-def test_bad_input_gets_one_clear_message(outcomes, name):
-    done, untouched = outcomes[name]
-    assert done.returncode == 2, done.stderr
-    assert "Traceback" not in done.stderr
+def test_bad_input_gets_one_clear_message(tmp_path, run, name):
+    arguments = CASES[name].make(tmp_path)
+    before = listing(tmp_path)
+    done = run("convert", *arguments)
+    assert done.code == 2
+    assert all(line.startswith("error: ") for line in done.err.splitlines()), done.err
     for pattern in CASES[name].says:
-        assert re.search(pattern, done.stderr), done.stderr
-    assert done.stdout == ""
-    assert untouched
+        assert re.search(pattern, done.err), done.err
+    assert done.out == ""
+    assert listing(tmp_path) == before
 
 
-def test_raw_to_the_benchmarks_folder_and_eslf(tmp_path):
+def test_raw_to_the_benchmarks_folder_and_eslf(tmp_path, run):
     path = capture(tmp_path)
     white = write_white(tmp_path / "calibration", OPTICS, F01, white_image(OPTICS, F01))
     done = run("convert", path, tmp_path / "scene", "--white", white.parent)
-    assert done.returncode == 0, done.stderr
-    assert "white image" in done.stderr
-    assert re.fullmatch(r".*a\.lfp: 9x9 views of \d+x\d+ px -> .*scene \(hci\)\n", done.stdout)
+    assert done.code == 0, done.err
+    assert "white image" in done.err
+    assert re.fullmatch(r".*a\.lfp: 9x9 views of \d+x\d+ px -> .*scene \(hci\)\n", done.out)
     direct = decode(path, white.parent)
     folder = read_light_field(tmp_path / "scene")
     np.testing.assert_array_equal(folder.views, direct.views)
     assert folder.camera == direct.camera
     done = run("convert", tmp_path / "scene", tmp_path / "scene.png")
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     np.testing.assert_array_equal(read_light_field(tmp_path / "scene.png").views, direct.views)
     done = run("convert", tmp_path / "scene", tmp_path / "few", "--views", 5, "--flip-rows")
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     few = read_light_field(tmp_path / "few")
     np.testing.assert_array_equal(few.views, direct.views[6:1:-1, 2:7])
 
 
-def test_info_and_predict_take_the_raw_file(tmp_path):
+def test_info_and_predict_take_the_raw_file(tmp_path, run):
     path = capture(tmp_path)
     write_white(tmp_path / "white", OPTICS, F01, white_image(OPTICS, F01))
-    report = json.loads(run("info", "--json", path).stdout)
+    report = json.loads(run("info", "--json", path).out)
     assert report["layout"] == "lytro_raw"
     assert report["bits"] == 16
     assert report["camera"]["focus_distance_mm"] > 0
     notes = " ".join(report["notes"])
     assert "serial number A303134643" in notes and "MOD_0000.RAW" in notes
     done = run("predict", tmp_path, "-o", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("a: disparity")
+    assert done.code == 0, done.err
+    assert done.out.startswith("a: disparity")
 
 
 def test_the_white_image_in_an_illums_file_is_used(tmp_path):
