@@ -156,7 +156,7 @@ def test_other_numbers_of_views(views: int) -> None:
 @pytest.mark.parametrize("body", [F01, ILLUM], ids=lambda body: body.model)
 @pytest.mark.parametrize("colour", [(0.8, 0.8, 0.8), (0.1, 0.1, 0.1), (0.7, 0.3, 0.2)])
 def test_colours_are_those_of_the_metadata(body: Body, colour: tuple[float, ...]) -> None:
-    optics = Optics(size=(200, 220), centre=(100.3, 98.6))
+    optics = Optics(size=(280, 300), centre=(150.3, 138.6))
     light = camera_rgb(body, np.array(colour))
     raw = expose(optics, body, lambda x, y, dx, dy: np.broadcast_to(light, (*x.shape, 3)))
     views, _ = decode_capture(captured(body, optics, raw), white_image(optics, body))
@@ -166,7 +166,7 @@ def test_colours_are_those_of_the_metadata(body: Body, colour: tuple[float, ...]
 
 
 def test_blown_highlights_are_not_tinted() -> None:
-    optics = Optics(size=(200, 220), centre=(100.3, 98.6))
+    optics = Optics(size=(280, 300), centre=(150.3, 138.6))
     raw = expose(optics, ILLUM, lambda x, y, dx, dy: np.full((*x.shape, 3), 4.0))
     views, _ = decode_capture(captured(ILLUM, optics, raw), white_image(optics, ILLUM))
     assert (views[4, 4] == 65535).mean() > 0.99

@@ -1,8 +1,10 @@
 """The hexagonal grid of the lenslets' centres, found in a white image or in the picture itself.
 
-A peak of the Fourier transform gives a start (pitch, rotation, offset); then the grid is fitted
-to the lenslets' centres by least squares, from the middle of the sensor outwards, so that a small
-error of the start never adds up to a whole lenslet.
+Peaks of the Fourier transform give a start (pitch, rotation, offset). Then the image is cut into
+blocks of some 70 lenslets, the phases at the grid's frequencies tell how far a block's lenslets
+are off the grid, and the grid is fitted to that by least squares: from the middle of the sensor
+outwards, so that a small error of the start never adds up to a whole lenslet. Blocks, as what the
+picture shows inside of a single lenslet shifts its centre of light.
 """
 
 from __future__ import annotations
@@ -19,21 +21,21 @@ from epinet.raw.bayer import Image
 Floats = NDArray[np.float64]
 
 _CROP_PX = 1024
-_PITCH_TOLERANCE = 0.02
+_MOST_CROPS = 12
+_PITCH_TOLERANCE = 0.01
 _PEAK_BINS = 1.5
 """How far from the nominal the spectrum's peak is sought: as share of its frequency, and beyond
 that in bins. Textures make peaks of their own beside it."""
-_PEAK_ABOVE = 10.0
-"""How many times the spectrum's median around it a peak is to be; noise reaches about 4."""
-_MOST_CENTRES = 10_000
+_PEAK_ABOVE = 6.0
+"""How many times the spectrum's median around it a peak is to be."""
+_BLOCK_PITCHES = 9
+_MOST_BLOCKS = 40
+"""Per row and column of blocks; they overlap by half where that is enough."""
 _ROUNDS, _LAST_ROUNDS = 2, 4
 _OUTLIER = 3.0
-_FEWEST_LENSLETS = 30
-_FLAT_ABOVE = 0.6
-"""Light above this share of a lenslet's mean counts no more: what the picture shows inside a
-lenslet is not to move its centre, only its rim is."""
-_SPREAD_PITCHES = 0.12
-"""Centres that scatter more than this are no grid of lenslets."""
+_FEWEST_BLOCKS = 4
+_SCATTER_PITCHES = 0.15
+"""Offsets that scatter more than this are not those of a grid."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class LensletGrid:
     along: tuple[float, float]
     down: tuple[float, float]
     scatter_px: float = 0.0
-    """Root mean square distance of the measured centres from the grid."""
+    """Typical (median) distance from the grid of where blocks of lenslets were found."""
 
     @property
     def pitch_px(self) -> float:
@@ -114,87 +116,89 @@ def fit_grid(image: Image, pitch_px: float, where: str) -> LensletGrid:
     Raises:
         InputError: there is no such grid in it.
     """
-    smooth = _smoothed(image)
-    grid = _start(smooth, pitch_px, where)
-    height, width = image.shape
-    reach = min(_CROP_PX, height, width) / 2 * 0.8
-    last = max(height, width)
+    even = _evened(image, pitch_px)
+    grid = _start(even, pitch_px, where)
+    last = max(image.shape)
+    reach = min(_CROP_PX / 2, last)
     while reach < last:
         for _ in range(_ROUNDS):
-            grid = _refined(smooth, grid, reach, where)
+            grid = _refined(even, grid, reach, where)
         reach = min(2 * reach, last)
     for _ in range(_LAST_ROUNDS):
-        grid = _refined(smooth, grid, last, where)
-    if grid.scatter_px > _SPREAD_PITCHES * grid.pitch_px:
+        grid = _refined(even, grid, last, where)
+    if grid.scatter_px > _SCATTER_PITCHES * grid.pitch_px:
         raise _no_grid(where, pitch_px)
     return grid
 
 
-def _smoothed(image: Image) -> Image:
-    """The mosaic's colours averaged away, without shifting the image."""
+def _evened(image: Image, pitch_px: float) -> Image:
+    """Lenslets without what they show, as far as may be: brightness evened out, and cut off.
+
+    The mosaic's colours are averaged away first, which does not shift the image.
+    """
     import cv2
 
     kernel = np.array([0.25, 0.5, 0.25], np.float32)
-    return np.asarray(cv2.sepFilter2D(image, -1, kernel, kernel), np.float32)
+    even = np.asarray(cv2.sepFilter2D(image, -1, kernel, kernel), np.float32)
+    side = 2 * round(pitch_px) + 1
+    even /= np.maximum(cv2.blur(even, (side, side)), np.float32(1e-3))
+    return np.clip(even, 0, 1, out=even)
 
 
 def _start(image: Image, pitch_px: float, where: str) -> LensletGrid:
-    """From the two peaks of the spectrum that a hexagonal grid with horizontal rows has."""
+    """From two of the peaks of the spectrum that a hexagonal grid with horizontal rows has."""
     height, width = image.shape
     side = min(_CROP_PX, height, width)
-    if side < 8 * pitch_px:
+    if side < 2 * _BLOCK_PITCHES * pitch_px:
         raise InputError(f"{where}: {width}x{height} px hold too few lenslets")
-    top, left = (height - side) // 2, (width - side) // 2
-    crop = _gaps(image[top : top + side, left : left + side], pitch_px)
-    crop = (crop - crop.mean()) * np.outer(np.hanning(side), np.hanning(side))
+    power = _mean_power(image, side)
     radius = 2 / (np.sqrt(3) * pitch_px)
-    spectrum = np.fft.fft2(crop)
     frequencies = []
     for angle in (-np.pi / 6, np.pi / 2):
         near = radius * np.array([np.cos(angle), np.sin(angle)])
-        peak = _peak(spectrum, near, _PITCH_TOLERANCE * radius + _PEAK_BINS / side)
+        peak = _peak(power, near, _PITCH_TOLERANCE * radius + _PEAK_BINS / side)
         if peak is None:
             raise _no_grid(where, pitch_px)
         frequencies.append(peak)
     along, down = np.linalg.inv(np.array(frequencies)).T
-    y, x = np.mgrid[:side, :side]
-    phases = [
-        np.angle(np.sum(crop * np.exp(-2j * np.pi * (x * fx + y * fy)))) for fx, fy in frequencies
+    middle = np.array([width / 2, height / 2])
+    grid = LensletGrid(_pair(middle), _pair(along), _pair(down))
+    offset, _ = _block_offset(image, grid, middle, side)
+    return LensletGrid(_pair(middle + offset), grid.along, grid.down)
+
+
+def _mean_power(image: Image, side: int) -> Floats:
+    """Power spectrum, the mean over crops: the grid is in all of them, textures differ."""
+    height, width = image.shape
+    window = np.outer(np.hanning(side), np.hanning(side)).astype(np.float32)
+    corners = [
+        (top, left)
+        for top in np.linspace(0, height - side, -(-height // side)).astype(int)
+        for left in np.linspace(0, width - side, -(-width // side)).astype(int)
     ]
-    origin = np.array([left, top]) - (phases[0] * along + phases[1] * down) / (2 * np.pi)
-    grid = LensletGrid(_pair(origin), _pair(along), _pair(down))
-    i, j = np.round(grid.indices(np.array([width / 2, height / 2])))
-    return LensletGrid(_pair(grid.centres(i, j)), grid.along, grid.down)
+    corners = corners[:: -(-len(corners) // _MOST_CROPS)]
+    total = np.zeros((side, side))
+    for top, left in corners:
+        crop = image[top : top + side, left : left + side]
+        total += np.abs(np.fft.fft2((crop - crop.mean()) * window)) ** 2
+    return total / len(corners)
 
 
-def _gaps(image: Image, pitch_px: float) -> Floats:
-    """The dark gaps between lenslets; what is brighter is cut off, as it is the picture's."""
-    import cv2
-
-    side = 2 * round(pitch_px) + 1
-    mean = cv2.blur(image, (side, side))
-    level = np.maximum(_FLAT_ABOVE * mean, 1e-3)
-    return np.asarray(np.clip(image / level, 0, 1), np.float64)
-
-
-def _peak(spectrum: NDArray[np.complex128], near: Floats, tolerance: float) -> Floats | None:
+def _peak(power: Floats, near: Floats, tolerance: float) -> Floats | None:
     """Frequency (x, y) of the strongest peak near one, to a part of a bin; None if none stands out.
 
     It is to stand out of the spectrum within 30 % of its frequency around.
     """
-    side = spectrum.shape[0]
+    side = power.shape[0]
     axis = np.fft.fftfreq(side)
-    power = np.abs(spectrum)
     distance = np.hypot(axis[None, :] - near[0], axis[:, None] - near[1])
     row, col = np.unravel_index(np.argmax(np.where(distance > tolerance, 0, power)), power.shape)
     around = np.median(power[distance < 0.3 * np.hypot(*near)])
-    if power[row, col] <= _PEAK_ABOVE * around:
+    if power[row, col] <= _PEAK_ABOVE**2 * around:
         return None
+    three = np.arange(-1, 2)
     offset = []
-    for line in (
-        power[row, (col + np.arange(-1, 2)) % side],
-        power[(row + np.arange(-1, 2)) % side, col],
-    ):
+    for line in (power[row, (col + three) % side], power[(row + three) % side, col]):
         before, top, after = np.log(line + 1e-12)
         curvature = before - 2 * top + after
         offset.append(0.0 if curvature >= 0 else float((before - after) / (2 * curvature)))
@@ -202,47 +206,51 @@ def _peak(spectrum: NDArray[np.complex128], near: Floats, tolerance: float) -> F
 
 
 def _refined(image: Image, grid: LensletGrid, reach: float, where: str) -> LensletGrid:
-    """Least squares over the centres of up to _MOST_CENTRES lenslets within reach of the middle."""
+    """Least squares over the offsets of the blocks within reach of the image's middle."""
     height, width = image.shape
-    half = int(np.ceil(grid.pitch_px / 2))
-    index = grid.within(image.shape, half + 1, reach)
-    if len(index) < _FEWEST_LENSLETS:
-        raise InputError(f"{where}: {width}x{height} px hold too few lenslets")
-    i, j = index[:: len(index) // _MOST_CENTRES + 1].T
-    measured, weight = _measured_centres(image, grid.centres(i, j), half, grid.pitch_px)
-    design = np.stack([np.ones(len(i)), i, j], axis=1)
+    side = round(_BLOCK_PITCHES * grid.pitch_px)
+    middle = np.array([width / 2, height / 2])
+    half = np.minimum(middle - side / 2, reach)
+    counts = np.round(4 * half / side).astype(int).clip(1, _MOST_BLOCKS - 1) + 1
+    x, y = (np.linspace(m - h, m + h, n) for m, h, n in zip(middle, half, counts, strict=True))
+    centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    found = [_block_offset(image, grid, centre, side) for centre in centres]
+    offset, weight = np.array([f[0] for f in found]), np.array([f[1] for f in found])
+    if len(centres) < _FEWEST_BLOCKS or not weight.any():
+        raise _no_grid(where, grid.pitch_px)
+    design = np.column_stack([np.ones(len(centres)), grid.indices(centres)])
     for _ in range(3):
         scaled = np.sqrt(weight)[:, None]
-        solution = np.linalg.lstsq(design * scaled, measured * scaled, rcond=None)[0]
-        distance = np.hypot(*(measured - design @ solution).T)
-        spread = np.median(distance[weight > 0]) + 1e-3
-        weight = np.where(distance > _OUTLIER * spread, 0, weight)
-    used = weight > 0
-    scatter = float(np.sqrt(np.mean(distance[used] ** 2)))
-    origin, along, down = (_pair(v) for v in solution)
+        change = np.linalg.lstsq(design * scaled, offset * scaled, rcond=None)[0]
+        distance = np.hypot(*(offset - design @ change).T)
+        scatter = float(np.median(distance[weight > 0]))
+        weight = np.where(distance > _OUTLIER * scatter + 1e-3, 0, weight)
+    moved = np.array([grid.origin, grid.along, grid.down]) + change
+    origin, along, down = (_pair(v) for v in moved)
     return LensletGrid(origin, along, down, scatter)
 
 
-def _measured_centres(
-    image: Image, expected: Floats, half: int, pitch_px: float
-) -> tuple[Floats, Floats]:
-    """Centroids (N, 2) of the light above the gaps' level around expected centres, and weights."""
-    whole = np.round(expected).astype(np.intp)
-    offset = np.arange(-half, half + 1)
-    rows = whole[:, 1, None, None] + offset[None, :, None]
-    cols = whole[:, 0, None, None] + offset[None, None, :]
-    patches = image[rows, cols].astype(np.float64)
-    dx = cols - expected[:, 0, None, None]
-    dy = rows - expected[:, 1, None, None]
-    window = np.clip((pitch_px / 2 - np.hypot(dx, dy)) + 0.5, 0, 1)
-    floor = np.min(np.where(window > 0, patches, np.inf), axis=(1, 2), keepdims=True)
-    light = (patches - floor) * window
-    level = light.sum(axis=(1, 2)) / window.sum(axis=(1, 2))
-    flat = np.minimum(light, _FLAT_ABOVE * level[:, None, None])
-    total = np.maximum(flat.sum(axis=(1, 2)), 1e-9)
-    shift = np.stack([(flat * dx).sum(axis=(1, 2)), (flat * dy).sum(axis=(1, 2))], axis=1)
-    bright = level > 0.1 * np.percentile(level, 90)
-    return expected + shift / total[:, None], bright.astype(float)
+def _block_offset(
+    image: Image, grid: LensletGrid, centre: Floats, side: int
+) -> tuple[Floats, float]:
+    """How far (x, y) the lenslets of a square block lie from the grid, and how clear that is.
+
+    A shift e turns the phase at each of the grid's three shortest frequencies f by -2 pi f e.
+    """
+    left, top = np.round(centre - side / 2).astype(int).clip(0)
+    block = image[top : top + side, left : left + side]
+    rows, cols = block.shape
+    first, second = np.linalg.inv(np.array([grid.along, grid.down]).T)
+    frequencies = np.array([first, second, first + second])
+    x, y = left + np.arange(cols) - grid.origin[0], top + np.arange(rows) - grid.origin[1]
+    waves_x = np.exp(-2j * np.pi * np.outer(x, frequencies[:, 0])) * np.hanning(cols)[:, None]
+    waves_y = np.exp(-2j * np.pi * np.outer(y, frequencies[:, 1])) * np.hanning(rows)[:, None]
+    seen = np.sum(waves_y * ((block - block.mean()) @ waves_x), axis=0)
+    turns = -np.angle(seen) / (2 * np.pi)
+    turns[2] = turns[0] + turns[1] + (turns[2] - turns[0] - turns[1] + 0.5) % 1 - 0.5
+    scaled = np.abs(seen)[:, None]
+    offset = np.linalg.lstsq(frequencies * scaled, turns * scaled[:, 0], rcond=None)[0]
+    return offset, float(np.abs(seen).sum())
 
 
 def _pair(values: Floats) -> tuple[float, float]:

@@ -132,7 +132,7 @@ def normalised_white(white: Image, frame: Frame) -> Image:
     white = white.copy()
     for _, plane in _channels(white, frame):
         plane /= np.percentile(plane[::4, ::4], _BRIGHTEST_PERCENTILE)
-    return np.maximum(white, np.float32(_DARKEST))
+    return np.maximum(white, np.float32(_DARKEST), out=white)
 
 
 def _channels(image: Image, frame: Frame) -> Iterator[tuple[str, Image]]:
