@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -388,7 +388,3 @@ def write_white(
     }
     (folder / f"{name}.TXT").write_text(json.dumps(metadata))
     return folder / f"{name}.RAW"
-
-
-def at_settings(body: Body, zoom_step: int, focus_step: int) -> Body:
-    return replace(body, zoom_step=zoom_step, focus_step=focus_step)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tarfile
 from dataclasses import replace
 from pathlib import Path
@@ -76,8 +77,10 @@ def test_tar_as_the_illum_has(tmp_path: Path) -> None:
     with tarfile.open(tmp_path / "caldata-B5143909630.tar", "w") as archive:
         archive.add(tmp_path / "unitdata", "unitdata")
     source = tmp_path / "caldata-B5143909630.tar"
-    white = choose_white(find_whites(source), replace(frame(), focus_step=99), source)
-    np.testing.assert_array_equal(white.read(), raw(1001))
+    shutil.rmtree(tmp_path / "unitdata")
+    for given in (source, tmp_path):
+        white = choose_white(find_whites(given), replace(frame(), focus_step=99), given)
+        np.testing.assert_array_equal(white.read(), raw(1001))
 
 
 def test_volumes_as_the_f01_has(tmp_path: Path) -> None:

@@ -25,6 +25,10 @@ from epinet.raw.white import BESIDE, choose_white, find_whites, levels, normalis
 DEFAULT_VIEWS = 9
 FEWEST_VIEWS, MOST_VIEWS = 3, 15
 
+_ESTIMATED = (
+    "vignetting and lenslets are estimated from the picture itself, so brightness and disparity "
+    "are less exact, as {}"
+)
 _SAMPLING_SHARE = 0.5
 """Of the work, for showing progress."""
 
@@ -117,18 +121,14 @@ def _white_of(
     if source is None and capture.embedded_white is not None:
         return capture.embedded_white, ("vignetting by the white image in the same file",)
     beside = path.parent / BESIDE
+    if source is None and not beside.is_dir():
+        return None, (_ESTIMATED.format("no white image is known (--white gives the camera's)"),)
     try:
-        if source is None and not beside.is_dir():
-            raise InputError("no white image is known (--white gives the camera's)")
-        whites = find_whites(source or beside)
-        white = choose_white(whites, frame, source or beside)
+        white = choose_white(find_whites(source or beside), frame, source or beside)
     except InputError as error:
         if source is not None:
             raise
-        return None, (
-            "vignetting and lenslets are estimated from the picture itself, so brightness and "
-            f"disparity are less exact, as {error}",
-        )
+        return None, (_ESTIMATED.format(error),)
     zoom, focus = white.frame.zoom_step - frame.zoom_step, white.frame.focus_step - frame.focus_step
     off = f" ({zoom:+d} zoom and {focus:+d} focus steps off)" if zoom or focus else ""
     return white.read(), (f"vignetting by the white image {white.frame.where}{off}",)

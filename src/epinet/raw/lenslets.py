@@ -84,18 +84,14 @@ class LensletGrid:
         basis = np.stack([self.along, self.down], axis=1)
         return np.asarray((points - np.array(self.origin)) @ np.linalg.inv(basis).T)
 
-    def within(
-        self, size: tuple[int, ...], margin_px: float, reach_px: float = np.inf
-    ) -> NDArray[np.intp]:
+    def within(self, size: tuple[int, ...], margin_px: float) -> NDArray[np.intp]:
         """(N, 2) lenslets (i, j) in an image (height, width), by rows.
 
         Args:
             margin_px: least distance of their centres from its edges.
-            reach_px: largest distance from its middle, across and down.
         """
-        extent = np.array([size[1], size[0]])
-        low = np.maximum(margin_px, extent / 2 - reach_px)
-        high = np.minimum(extent - 1 - margin_px, extent / 2 + reach_px)
+        low = np.array([margin_px, margin_px])
+        high = np.array([size[1], size[0]]) - 1 - margin_px
         corners = np.array([low, high, (low[0], high[1]), (high[0], low[1])])
         spans = self.indices(corners)
         (i0, j0), (i1, j1) = np.floor(spans.min(axis=0)), np.ceil(spans.max(axis=0))

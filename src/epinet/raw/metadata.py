@@ -78,17 +78,14 @@ def parse_frame(metadata: dict[str, Any], private: dict[str, Any], where: str) -
             f"{where}: camera model {model!r} is not known; the raw files of the Lytro F01 and "
             "the Lytro ILLUM can be read. Other cameras: convert with their own software to views"
         )
-    image = metadata.get("image")
-    deep = isinstance(image, dict) and "rawDetails" in image
-    details = "image.rawDetails" if deep else "image"
+    details = "image.rawDetails" if reader.has("image.rawDetails") else "image"
     matrix_key = "ccm" if reader.has("image.color.ccm") else "ccmRgbToSrgbArray"
     gains = {c: reader.number(f"image.color.whiteBalanceGain.{c}") for c in CHANNELS}
     has_lambda = reader.has("devices.lens.infinityLambda")
-    serial = private.get("camera", {}).get("serialNumber")
     frame = Frame(
         where=where,
         model=model,
-        serial=None if serial is None else str(serial),
+        serial=_serial(private),
         size=(reader.count("image.height"), reader.count("image.width")),
         bits=reader.count(f"{details}.pixelPacking.bitsPerPixel"),
         upper_left=reader.text(f"{details}.mosaic.upperLeftPixel"),
@@ -106,28 +103,31 @@ def parse_frame(metadata: dict[str, Any], private: dict[str, Any], where: str) -
         focus_step=int(reader.number("devices.lens.focusStep")),
         exposure_s=reader.number("devices.shutter.frameExposureDuration"),
     )
-    reader.check(
-        frame.bits in BITS, f"{details}.pixelPacking.bitsPerPixel", f"one of {BITS}", frame.bits
-    )
-    endianness = reader.text(f"{details}.pixelPacking.endianness")
-    due = _PACKING_ENDIANNESS.get(frame.bits, endianness)
-    reader.check(endianness == due, f"{details}.pixelPacking.endianness", due, endianness)
-    reader.check(
-        frame.upper_left in UPPER_LEFT_PIXELS,
-        f"{details}.mosaic.upperLeftPixel",
-        f"one of {UPPER_LEFT_PIXELS}",
-        frame.upper_left,
-    )
-    reader.check(
-        all(frame.black[c] < frame.white[c] for c in CHANNELS),
-        f"{details}.pixelFormat",
-        "black levels below the white ones",
-        "otherwise",
-    )
-    height, width = frame.size
-    reader.check(height % 2 == width % 4 == 0, "image", "multiples of 2 and 4 as sides", frame.size)
+    _check_pixels(reader, frame, details)
     reader.raise_any()
     return frame
+
+
+def _serial(private: dict[str, Any]) -> str | None:
+    camera = private.get("camera")
+    serial = camera.get("serialNumber") if isinstance(camera, dict) else None
+    return None if serial is None else str(serial)
+
+
+def _check_pixels(reader: _Reader, frame: Frame, details: str) -> None:
+    """Note what cannot be unpacked; `details` is where the metadata tell it."""
+    packing = f"{details}.pixelPacking"
+    reader.check(frame.bits in BITS, f"{packing}.bitsPerPixel", f"one of {BITS}", frame.bits)
+    endianness = reader.text(f"{packing}.endianness")
+    due = _PACKING_ENDIANNESS.get(frame.bits, endianness)
+    reader.check(endianness == due, f"{packing}.endianness", due, endianness)
+    first, known = frame.upper_left, UPPER_LEFT_PIXELS
+    reader.check(first in known, f"{details}.mosaic.upperLeftPixel", f"one of {known}", first)
+    contrasts = [frame.white[c] - frame.black[c] for c in CHANNELS]
+    due_contrast = "white levels above the black ones"
+    reader.check(min(contrasts) > 0, f"{details}.pixelFormat", due_contrast, contrasts)
+    height, width = frame.size
+    reader.check(height % 2 == width % 4 == 0, "image.width", "a multiple of 4", frame.size)
 
 
 class _Reader:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import tarfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -23,6 +24,7 @@ from epinet.raw.metadata import CHANNELS, Frame
 BESIDE = "white"
 """A folder of this name beside a capture is searched for white images."""
 
+_FIRST_VOLUME = "data.c.0"
 _METADATA_SUFFIXES = (".txt", ".json")
 _BRIGHTEST_PERCENTILE = 99.0
 _DARKEST = 0.02
@@ -49,7 +51,7 @@ class White:
 
 
 def find_whites(source: Path) -> list[White]:
-    """White images of a folder and its subfolders, a .tar, a data.C.0 or one .RAW file.
+    """White images of a folder and all below it, a .tar, a data.C.0 or one .RAW file.
 
     Raises:
         InputError: there is none, or one is damaged.
@@ -148,31 +150,34 @@ def _files(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]:
     """Names, and functions that read them, of the files in a source of calibration data."""
     if source.is_dir():
         for file in sorted(source.rglob("*")):
-            if file.is_file():
-                yield str(file.relative_to(source)), file.read_bytes
+            name = str(file.relative_to(source))
+            if file.suffix.lower() == ".tar" or file.name.lower() == _FIRST_VOLUME:
+                yield from ((f"{name}/{inner}", load) for inner, load in _files(file))
+            elif file.is_file():
+                yield name, file.read_bytes
     elif source.suffix.lower() == ".tar":
         yield from _files_of_tar(source)
     elif is_container(source):
         yield from _files_of_archive(source)
     else:
         for file in sorted(source.parent.glob(f"{source.stem}.*")):
-            yield (str(file), file.read_bytes)
+            yield str(file), file.read_bytes
 
 
 def _files_of_tar(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    def load(name: str) -> bytes:
+    def load(member: tarfile.TarInfo) -> bytes:
         with tarfile.open(source) as archive:
-            member = archive.extractfile(name)
-            assert member is not None
-            return member.read()
+            file = archive.extractfile(member)
+            assert file is not None
+            return file.read()
 
     try:
         with tarfile.open(source) as archive:
-            names = [member.name for member in archive.getmembers() if member.isfile()]
+            members = [member for member in archive.getmembers() if member.isfile()]
     except tarfile.TarError as error:
         raise InputError(f"{source}: not a readable .tar ({error}); copy it again") from error
-    for name in names:
-        yield name, lambda name=name: load(name)  # type: ignore[misc]
+    for member in members:
+        yield member.name, partial(load, member)
 
 
 def _files_of_archive(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]:
@@ -181,7 +186,7 @@ def _files_of_archive(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]
     for entry in container.contents.get("files", []):
         if entry.get("dataRef") in container:
             name = str(entry["name"]).removeprefix("C:\\").replace("\\", "/")
-            yield name, lambda ref=entry["dataRef"]: container.section(ref)  # type: ignore[misc]
+            yield name, partial(container.section, entry["dataRef"])
     following = container.contents.get("nextFile")
     if following and (source.parent / following).exists():
         yield from _files_of_archive(source.parent / following)
