@@ -134,6 +134,13 @@ def output_that_is_there(folder):
     return [capture(folder), folder / "out"]
 
 
+@case("a folder with other things in it")
+def output_over_other_things(folder):
+    (folder / "thesis").mkdir()
+    (folder / "thesis" / "chapter.txt").write_text("")
+    return [capture(folder), folder / "thesis", "--force"]
+
+
 @case(r"out\.lfr: nothing is written as \.lfr", r"\.png", r"\.npz")
 def output_of_no_known_kind(folder):
     return [capture(folder), folder / "out.lfr"]
@@ -189,8 +196,11 @@ def test_raw_to_the_benchmarks_folder_and_eslf(tmp_path, run):
     np.testing.assert_array_equal(read_light_field(tmp_path / "scene.png").views, direct.views)
     done = run("convert", tmp_path / "scene", tmp_path / "few", "--views", 5, "--flip-rows")
     assert done.code == 0, done.err
+    assert run("convert", tmp_path / "scene", tmp_path / "few", "--views", 3).code == 2
     few = read_light_field(tmp_path / "few")
     np.testing.assert_array_equal(few.views, direct.views[6:1:-1, 2:7])
+    assert run("convert", tmp_path / "scene", tmp_path / "few", "--force").code == 0
+    assert read_light_field(tmp_path / "few").grid == (9, 9)
 
 
 def test_info_and_predict_take_the_raw_file(tmp_path, run):

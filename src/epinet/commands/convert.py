@@ -45,16 +45,18 @@ def convert(
     flip_rows: FlipRowsOption = False,
     flip_cols: FlipColsOption = False,
     transpose: TransposeOption = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace what stands at OUT.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the light field at OUT.")] = False,
 ) -> None:
     """Turn raw captures of plenoptic cameras, or any other light field, into views on disk."""
-    from epinet.io import layout_for, read_light_field, read_raw, write_light_field
+    from epinet.io import is_light_field, layout_for, read_light_field, read_raw, write_light_field
     from epinet.io.lytro_raw import LAYOUT
     from epinet.raw import DEFAULT_VIEWS
 
     target = layout_for(output)
     if output.exists() and not force:
         raise InputError(f"{output}: already exists; remove it, choose another name or add --force")
+    if output.is_dir() and not is_light_field(output):
+        raise InputError(f"{output}: a folder with other things in it; choose another name")
     if layout == LAYOUT.name or (layout is None and path.is_file() and LAYOUT.recognises(path)):
         with progress("decoding") as advance:
             lf = read_raw(path, white, DEFAULT_VIEWS if views is None else views, advance)
