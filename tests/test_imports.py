@@ -11,7 +11,7 @@ LAYERS = (
     {"allocator", "errors", "progress"},
     {"angular", "camera"},
     {"lightfield"},
-    {"inspect", "metrics"},
+    {"inspect", "metrics", "raw"},
     {"io"},
     {"geometry", "effects"},
     {"model"},

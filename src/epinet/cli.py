@@ -10,6 +10,7 @@ import typer
 from epinet import __version__
 from epinet.commands import weights
 from epinet.commands.calibrate import calibrate
+from epinet.commands.convert import convert
 from epinet.commands.demo import demo
 from epinet.commands.depth import depth
 from epinet.commands.evaluate import evaluate
@@ -34,6 +35,7 @@ app = typer.Typer(
 )
 COMMANDS = (
     info,
+    convert,
     predict,
     depth,
     calibrate,

@@ -20,7 +20,7 @@ LayoutOption = Annotated[
     str | None,
     typer.Option(
         help="The layout on disk, where the guess is wrong: hci, rows_cols, numbered, eslf, "
-        "hci_hdf5, lftoolbox or array."
+        "hci_hdf5, lftoolbox, array or lytro_raw."
     ),
 ]
 FlipRowsOption = Annotated[
