@@ -56,7 +56,8 @@ class Calibration:
 
     def confidence(self, expected_error_px: NDArray[np.float32]) -> NDArray[np.float32]:
         """Probability (...) in 0..1 of an error up to `WITHIN_PX`."""
-        return 1 / (1 + (expected_error_px / np.float32(self.even_px)) ** self.steepness)
+        odds = (expected_error_px / self.even_px) ** self.steepness
+        return (1 / (1 + odds)).astype(np.float32)
 
     @classmethod
     def fitted(cls, expected_error_px: NDArray[Any], error_px: NDArray[Any]) -> Calibration:

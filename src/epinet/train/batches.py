@@ -34,8 +34,9 @@ UNTOLD = 0.006
 """Views differ about so much in practice whatever their noise: interpolation, highlights, unequal
 exposure."""
 
-TOLD_PX = 0.03
-"""Pixels whose disparity the views tell to within this standard deviation count half."""
+TOLD_PX = 0.1
+"""Pixels whose disparity the views tell to within this standard deviation, over the window that
+`information` looks at, count half: wider ones tell it better."""
 
 FEWER = (2, 4)
 """Batches that show fewer views show every so many-th on each side of the centre view."""

@@ -67,7 +67,10 @@ class Data(_Model):
     def rendered(self) -> Options:
         """Of the scenes to render, but for their size and views."""
         assert self.generator is not None
-        values = {k: tuple(v) if isinstance(v, list) else v for k, v in self.options.items()}
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in self.options.items()
+        }
         return Options(disparity_px=RANGES_PX[self.generator], **values)
 
 
