@@ -11,7 +11,7 @@ LAYERS = (
     {"allocator", "errors", "progress"},
     {"angular", "camera"},
     {"lightfield"},
-    {"inspect", "metrics"},
+    {"inspect", "metrics", "refine"},
     {"io"},
     {"model"},
     {"synth"},
