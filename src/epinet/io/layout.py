@@ -24,6 +24,8 @@ class Layout:
     """Fills an empty folder, or writes a file."""
     suffixes: tuple[str, ...] = ()
     """Of the files written; empty for a layout that is a folder."""
+    rendered: bool = False
+    """What lies in it is rendered unless it says otherwise; else a camera took it."""
 
     @property
     def is_folder(self) -> bool:
