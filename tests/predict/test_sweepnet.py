@@ -9,7 +9,6 @@ from epinet.angular import SYMMETRIES, direction_positions
 from epinet.errors import InputError
 from epinet.lightfield import LightField
 from epinet.predict import tiling
-from epinet.predict.confidence import probably_good
 from epinet.predict.estimator import _by_sweepnet, search_range
 from epinet.predict.tiling import run_overlapping
 from epinet.synth.generator import render_scene
@@ -109,13 +108,6 @@ def test_tiles_give_nearly_what_the_whole_gives(model, scene, monkeypatch):
     assert (tiled - whole).abs().median() < 1e-3
     assert ((tiled - whole).abs() < 0.02).float().mean() > 0.9
     assert error.min() > 0
-
-
-def test_confidence_is_the_probability_of_laplace():
-    error = torch.tensor([[0.01, 0.07], [0.7, 7.0]])
-    drawn = np.random.default_rng(0).laplace(scale=error.numpy(), size=(200_000, 2, 2))
-    expected = (np.abs(drawn) <= 0.07).mean(0)
-    np.testing.assert_allclose(probably_good(error), expected, atol=0.005)
 
 
 def test_errors_are_small_where_the_confidence_is_high(model, scene):

@@ -34,10 +34,6 @@ UNTOLD = 0.006
 """Views differ about so much in practice whatever their noise: interpolation, highlights, unequal
 exposure."""
 
-TOLD_PX = 0.1
-"""Pixels whose disparity the views tell to within this standard deviation, over the window that
-`information` looks at, count half: wider ones tell it better."""
-
 FEWER = (2, 4)
 """Batches that show fewer views show every so many-th on each side of the centre view."""
 
@@ -79,6 +75,8 @@ class Cut:
     whole patches as the paper does: those whose middle is textureless, and those that touch a
     mirror."""
 
+    told_px: float = 0.03
+    """Pixels count half whose disparity the views tell to within this standard deviation."""
     mirror_weight: float = 0.0
     """What pixels count that mirror."""
     fewer_views: float = 0.0
@@ -95,6 +93,7 @@ class Cut:
             local_contrast=recipe.local_contrast,
             texture_threshold=recipe.texture_threshold,
             least_weight=recipe.least_weight,
+            told_px=recipe.told_px,
             mirror_weight=recipe.mirror_weight,
             fewer_views=recipe.fewer_views,
         )
@@ -213,7 +212,7 @@ class Batches:
             unit = contrast_unit(centre)
             centre, noise, other = local_contrast(centre), noise / unit, other / unit
         deviation = disparity_deviation(centre, noise, cut.offsets, other)[..., inner, inner]
-        told = 1 / (1 + (deviation / TOLD_PX) ** 2)
+        told = 1 / (1 + (deviation / cut.told_px) ** 2)
         return torch.where(usable, told.clamp_min(cut.least_weight), cut.mirror_weight)
 
     def _stacks(self, patch: Patch) -> Tensor:
