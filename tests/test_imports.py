@@ -12,7 +12,7 @@ LAYERS = (
     {"angular", "camera"},
     {"lightfield"},
     {"inspect", "metrics", "raw"},
-    {"io"},
+    {"io", "refine"},
     {"geometry", "effects"},
     {"model"},
     {"synth"},

@@ -24,6 +24,8 @@ class Layout:
     """Fills an empty folder, or writes a file; None where it can only be read."""
     suffixes: tuple[str, ...] = ()
     """Of its files; empty for a layout that is a folder."""
+    rendered: bool = False
+    """What lies in it is rendered unless it says otherwise; else a camera took it."""
 
     @property
     def is_folder(self) -> bool:

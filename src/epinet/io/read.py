@@ -50,7 +50,8 @@ def read_light_field(path: str | Path, layout: str | None = None) -> LightField:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     _check(lf, path)
-    return replace(lf, source=path, layout=chosen.name)
+    captured = lf.captured or not chosen.rendered
+    return replace(lf, source=path, layout=chosen.name, captured=captured)
 
 
 def read_raw(
