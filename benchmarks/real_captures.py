@@ -148,7 +148,7 @@ def make_mesh(folder: Path, name: str, out: Path) -> dict[str, Any]:
 def by_depth(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
     """(N, 3) colours of the points, in the colours of a disparity map."""
     nearness = (-1 / mesh.vertices[:, 2]).astype(np.float32)
-    low, high = robust_range(nearness)
+    low, high = np.percentile(nearness, [1, 98])
     return np.asarray(colormaps[COLOUR_MAP]((nearness - low) / (high - low))[:, :3])
 
 
@@ -168,26 +168,23 @@ def render(
     """
     lamp = np.array([-0.4, 0.6, 0.7])
     facing = np.abs(mesh.vertex_normals @ lamp) / np.linalg.norm(lamp)
-    linear = colours**2.2 * (0.25 + 0.75 * facing[:, None])
+    linear = colours**2.2 * (0.5 + 0.5 * facing[:, None])
     properties = mi.Properties()
     properties["emitter"] = mi.load_dict(
         {"type": "area", "radiance": {"type": "mesh_attribute", "name": "vertex_color"}}
     )
-    # Its backs shine, too.
-    faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1]])
-    shape = mi.Mesh("mesh", len(mesh.vertices), len(faces), props=properties)
+    shape = mi.Mesh("mesh", len(mesh.vertices), len(mesh.faces), props=properties)
     shape.add_attribute("vertex_color", 3, linear.astype(np.float32).ravel())
     parameters = mi.traverse(shape)
     parameters["vertex_positions"] = mesh.vertices.astype(np.float32).ravel()
-    parameters["faces"] = faces.astype(np.uint32).ravel()
+    parameters["faces"] = mesh.faces.astype(np.uint32).ravel()
     parameters.update()
-    sky = {"type": "constant", "radiance": 1.0}
     scene = mi.load_dict(
         {
             "type": "scene",
             "integrator": {"type": "path", "max_depth": 1},
             "sensor": oblique(mi, mesh.vertices, angles_deg),
-            "sky": sky,
+            "sky": {"type": "constant", "radiance": 1.0},
             "mesh": shape,
         }
     )
