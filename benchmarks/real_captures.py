@@ -48,7 +48,7 @@ CAPTURE, SCENE = "lytro_2067", "kitchen"
 NETWORKS = {"epinet": "EPINET", "sweepnet": "SweepNet"}
 SIDES = (7, 9)
 DETAIL = (slice(60, 190), slice(130, 330))
-"""Rows and columns: the head and the plates of the capture, where most edges are."""
+"""Rows and columns: the neck and the first plates of the capture: edges before a far ground."""
 MIN_CONFIDENCE = 0.5
 MESH_OPTIONS = {CAPTURE: ["--not-metric"], SCENE: []}
 MESH_VIEWS_DEG = {CAPTURE: ((-30, 15), (25, 15)), SCENE: ((-25, 20), (30, 20))}
@@ -282,14 +282,14 @@ def page(report: dict[str, Any]) -> str:
         "tuned to it, and there is no truth for it.",
         "## 7x7 and 9x9 views, with and without the weighted median",
         "![maps](images/lytro_2067_maps.jpg)",
-        "The head and the plates:",
+        "The neck and the first plates:",
         "![details](images/lytro_2067_details.jpg)",
         "All maps have one scale of colours. The views were put in place and exposed alike before "
         '([refinement](refinement.md)), for the raw maps too; "median" is the weighted median '
         "with its filling of holes, as `epinet predict --refine` has it.",
         table(head, rows),
         f"A border of {BORDER_PX} px is left out. The corners of the views are black: nothing can "
-        "be known there, and much of what differs lies there. The reference is the map that the "
+        "be known there, but they are counted. The reference is the map that the "
         "reference implementation gives of 9x9 views: to be near it is to agree with another "
         "estimate, not to be right.",
         "## The mesh, not metric",
@@ -308,7 +308,7 @@ def page(report: dict[str, Any]) -> str:
         "\n".join(f"    {line}" for line in kitchen["printed"]),
         "Its walls and worktop meet at right angles ([how exact](camera_to_mesh.md#how-exact)). "
         "Pixels of a confidence below "
-        f"{MIN_CONFIDENCE:g} are left out, mirrors and metal above all.",
+        f"{MIN_CONFIDENCE:g} are left out.",
         "The script renders this mesh, and both in the colours of their views, to "
         "`out/real_captures`. They are not shown here: no data set is committed, and the "
         "benchmark's scenes are CC BY-NC-SA 4.0 (Honauer, Johannsen, Kondermann, Goldluecke, "
