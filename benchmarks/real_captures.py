@@ -27,7 +27,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
-from real_light_fields import CLOSE_PX, agreement
+from real_light_fields import CLOSE_PX, REFERENCE_BORDER_PX, agreement
 from write_results import table
 
 from epinet.inspect.alignment import estimate_alignment
@@ -288,7 +288,8 @@ def page(report: dict[str, Any]) -> str:
         '([refinement](refinement.md)), for the raw maps too; "median" is the weighted median '
         "with its filling of holes, as `epinet predict --refine` has it.",
         table(head, rows),
-        f"A border of {BORDER_PX} px is left out. The corners of the views are black: nothing can "
+        f"A border of {BORDER_PX} px is left out ({REFERENCE_BORDER_PX} px against the reference). "
+        "The corners of the views are black: nothing can "
         "be known there, but they are counted. The reference is the map that the "
         "reference implementation gives of 9x9 views: to be near it is to agree with another "
         "estimate, not to be right.",
