@@ -19,7 +19,6 @@ import platform
 import statistics
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -53,43 +52,32 @@ class Runner:
     def measure(self, method: str, scene: Path, lf: LightField, map_file: Path) -> dict[str, Any]:
         """Times, memory and scores of a method on a scene."""
         if method == KERAS:
-            printed, cost = self.keras(keras_epinet.shipped(), lf, map_file)
-            times = {"seconds": printed["seconds"], "network_s": printed["seconds"]}
+            printed = self.keras(keras_epinet.shipped(), lf, map_file)
         else:
             module = [sys.executable, "-m", "benchmarks.peers.measure", method, str(scene)]
-            runs, cost = self._run([*module, str(map_file), *self.last])
-            times = {key: [run[key] for run in runs if run[key]] for key in runs[0]}
-        disparity = np.load(map_file)
+            printed = self._run([*module, str(map_file), *self.last])
         report: dict[str, Any] = {
-            name: round(statistics.median(values), 3) for name, values in times.items() if values
+            key: round(statistics.median(printed[key]), 3) for key in ("seconds", "cpu_s")
         }
+        report["peak_memory_mb"] = round(printed["peak_memory_mb"])
         if lf.truth is not None:
-            report["scores"] = {k: round(v, 4) for k, v in score(disparity, lf.truth).items()}
-        return report | cost
+            report["scores"] = {
+                k: round(v, 4) for k, v in score(np.load(map_file), lf.truth).items()
+            }
+        return report
 
-    def keras(self, weights: Weights, lf: LightField, map_file: Path) -> tuple[Any, dict[str, Any]]:
-        """What the worker prints, and the process's cost."""
+    def keras(self, weights: Weights, lf: LightField, map_file: Path) -> Any:
+        """What the worker prints."""
         inputs = keras_epinet.prepare(weights, lf, self.folder)
         python, worker = str(self.keras_python), str(keras_epinet.WORKER)
         return self._run([python, worker, *inputs, str(map_file), *self.last])
 
-    def _run(self, command: list[str]) -> tuple[Any, dict[str, Any]]:
-        """The JSON that a process prints; its wall and CPU time and its peak memory."""
-        log = self.folder / "errors.log"
-        begun = time.perf_counter()
-        with (self.folder / "printed.json").open("w+") as out, log.open("w") as errors:
-            process = subprocess.Popen(command, stdout=out, stderr=errors, env=self.environment)
-            _, status, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
-            if status:
-                raise SystemExit(f"{' '.join(command)} failed:\n{log.read_text()}")
-            out.seek(0)
-            printed = json.loads(out.read())
-        return printed, {
-            "process_s": round(time.perf_counter() - begun, 1),
-            "cpu_s": round(usage.ru_utime + usage.ru_stime, 1),
-            "peak_memory_mb": round(usage.ru_maxrss / 1024),
-        }
+    def _run(self, command: list[str]) -> Any:
+        """The JSON that a process prints."""
+        done = subprocess.run(command, capture_output=True, text=True, env=self.environment)
+        if done.returncode:
+            raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr}")
+        return json.loads(done.stdout)
 
 
 def equality(runner: Runner, lf: LightField) -> dict[str, Any]:
@@ -97,7 +85,7 @@ def equality(runner: Runner, lf: LightField) -> dict[str, Any]:
     report: dict[str, Any] = {}
     for weights in (keras_epinet.shipped(), keras_epinet.random()):
         map_file = runner.folder / "equality.npy"
-        printed, _ = runner.keras(weights, lf, map_file)
+        printed = runner.keras(weights, lf, map_file)
         mine = keras_epinet.ours(weights, lf)
         report["versions"] = printed["versions"]
         report[Path(weights.source).stem] = {

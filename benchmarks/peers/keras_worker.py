@@ -9,7 +9,6 @@ HDF5 files. STACKS.npy is (4, N, H, W); MAP.npy becomes (H - 22, W - 22). Prints
 import json
 import os
 import sys
-import time
 
 os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
 
@@ -17,6 +16,7 @@ import keras
 import numpy as np
 import tensorflow as tf
 from keras.layers import Activation, BatchNormalization, Concatenate, Conv2D, Input
+from measurements import measured
 
 
 def blocks(part, count, channels_in, channels):
@@ -56,14 +56,12 @@ def main():
     model = define_epinet(stacks.shape[1], width=70)
     model.load_weights(weights)
     inputs = [np.ascontiguousarray(stack.transpose(1, 2, 0)[None]) for stack in stacks]
-    seconds = []
-    for _ in range(int(repeats)):
-        begun = time.perf_counter()
-        disparity = model.predict(inputs, batch_size=1, verbose=0)
-        seconds.append(time.perf_counter() - begun)
+    disparity, costs = measured(
+        lambda: model.predict(inputs, batch_size=1, verbose=0), int(repeats)
+    )
     np.save(output, disparity[0, ..., 0])
     versions = {"keras": keras.__version__, "tensorflow": tf.__version__}
-    print(json.dumps({"seconds": seconds, "versions": versions}))
+    print(json.dumps(costs | {"versions": versions}))
 
 
 if __name__ == "__main__":

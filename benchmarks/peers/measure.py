@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict
 from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
 
+from benchmarks.peers.measurements import measured
 from benchmarks.peers.methods import estimator
 from epinet.allocator import keep_freed_memory
 from epinet.io import read_light_field
@@ -25,11 +25,9 @@ def main() -> None:
     torch.set_num_threads(int(threads))
     cv2.setNumThreads(int(threads))
     estimate, lf = estimator(method), read_light_field(Path(scene))
-    runs = [asdict(estimate(lf)) for _ in range(int(repeats))]
-    np.save(output, runs[-1]["disparity"])
-    for run in runs:
-        del run["disparity"]
-    print(json.dumps(runs))
+    disparity, costs = measured(lambda: estimate(lf), int(repeats))
+    np.save(output, disparity)
+    print(json.dumps(costs))
 
 
 if __name__ == "__main__":

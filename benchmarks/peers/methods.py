@@ -1,10 +1,8 @@
-"""The methods that run in this Python, by name: from a light field to a map and its time."""
+"""The methods that run in this Python, by name: from a light field to a map."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,36 +21,13 @@ CLASSICAL = {
 METHODS = (*CLASSICAL, KERAS, *OURS)
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A map and what it took, without reading the light field."""
-
-    disparity: NDArray[np.float32]
-    seconds: float
-    """From the views in memory to the map, any search for the range of disparities included."""
-    network_s: float | None = None
-    """Of that, the network alone."""
-
-
-def estimator(method: str) -> Callable[[LightField], Estimate]:
+def estimator(method: str) -> Callable[[LightField], NDArray[np.float32]]:
     """A method that is ready to run; its weights are loaded."""
     if method in OURS:
         model = epinet.load_model(model=OURS[method], device="cpu")
-
-        def predict(lf: LightField) -> Estimate:
-            result = model.predict(lf)
-            prepare_s, network_s = result.seconds["prepare"], result.seconds["network"]
-            return Estimate(result.disparity, prepare_s + network_s, network_s)
-
-        return predict
+        return lambda lf: model.predict(lf).disparity
     estimate = CLASSICAL[method]
-
-    def timed(lf: LightField) -> Estimate:
-        begun = time.perf_counter()
-        disparity = estimate(lf, disparity_range(lf))
-        return Estimate(disparity, time.perf_counter() - begun)
-
-    return timed
+    return lambda lf: estimate(lf, disparity_range(lf))
 
 
 def disparity_range(lf: LightField) -> tuple[float, float]:

@@ -35,17 +35,17 @@ def _accuracy_against_time(figure: Any, report: dict[str, Any]) -> None:
     panels = figure.subplots(1, len(report["sets"]), squeeze=False)[0]
     for panel, (name, scenes) in zip(panels, report["sets"].items(), strict=True):
         for method, marker, colour in zip(METHODS, MARKERS, COLOURS, strict=True):
-            seconds, bad, mb = (
-                mean(scenes, method, key) for key in ("seconds", "badpix_0.07", "peak_memory_mb")
+            cpu_s, bad, mb = (
+                mean(scenes, method, key) for key in ("cpu_s", "badpix_0.07", "peak_memory_mb")
             )
-            if seconds is None or bad is None:
+            if cpu_s is None or bad is None:
                 continue
             label = f"{method}, {mb:,.0f} MB"
-            panel.plot(seconds, bad, marker, color=colour, ms=9, label=label)
+            panel.plot(cpu_s, bad, marker, color=colour, ms=9, label=label)
         count = f"mean of {len(scenes)} scenes" if len(scenes) > 1 else "one scene"
         height, width = next(iter(scenes.values()))["size"]
         panel.set_title(f"{name}: {count}, {width}x{height} px")
-        panel.set_xlabel(f"s a scene, {report['threads']} thread(s), {report['machine']}")
+        panel.set_xlabel(f"CPU s a scene, {report['threads']} thread(s), {report['machine']}")
         panel.set_ylabel("BadPix(.07), %")
         panel.set_xscale("log")
         panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))

@@ -1,0 +1,134 @@
+"""Tables as Markdown and LaTeX: our figures with their spread, beside the paper's."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+Values = Sequence[float]
+
+
+class Spread(Enum):
+    """What several values of one figure are, and so how two figures compare. Smaller is better."""
+
+    SEEDS = "seeds"
+    """Trainings that differ by their seed alone: decided where their ranges do not overlap."""
+    SCENES = "scenes"
+    """The same scenes (or views): decided where the mean of the differences, scene by scene, is
+    more than two standard errors from 0."""
+
+    def verdict(self, values: Values, reference: Values) -> str:
+        """How the values stand to the reference's; at least two of each."""
+        if self is Spread.SEEDS:
+            better, worse = max(values) < min(reference), min(values) > max(reference)
+        else:
+            mean, error = difference(values, reference)
+            better, worse = mean < -2 * error, mean > 2 * error
+        return "better" if better else "worse" if worse else "undecided"
+
+
+def difference(values: Values, reference: Values) -> tuple[float, float]:
+    """Mean of the paired differences and its standard error."""
+    differences = [a - b for a, b in zip(values, reference, strict=True)]
+    return statistics.mean(differences), statistics.stdev(differences) / len(differences) ** 0.5
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    ours: Mapping[str, Values]
+    """By the metric's key; one value for each seed or scene."""
+    paper: Mapping[str, float]
+    """By the metric's key, where the paper has it."""
+    against: str = ""
+    """Name of the row that it is compared with, if with any."""
+
+
+@dataclass(frozen=True)
+class Table:
+    title: str
+    scale: str
+    """At which scale the runs were made, in sentences."""
+    metrics: Mapping[str, str]
+    """Label of each metric by its key."""
+    spread: Spread
+    rows: Sequence[Row]
+
+    def head(self) -> list[str]:
+        columns = [""]
+        for key, label in self.metrics.items():
+            columns.append(f"{label}, ours")
+            if self._published(key):
+                columns.append(f"{label}, paper")
+        return columns
+
+    def cells(self) -> list[list[str]]:
+        lines = []
+        for row in self.rows:
+            line = [row.name]
+            for key in self.metrics:
+                line.append(self._ours(row, key))
+                if self._published(key):
+                    line.append(f"{row.paper[key]:g}" if key in row.paper else "-")
+            lines.append(line)
+        return lines
+
+    def _published(self, key: str) -> bool:
+        return any(key in row.paper for row in self.rows)
+
+    def _ours(self, row: Row, key: str) -> str:
+        values = row.ours.get(key)
+        if not values:
+            return "-"
+        text = f"{statistics.mean(values):.3g}"
+        if self.spread is Spread.SEEDS:
+            text += f" ± {(max(values) - min(values)) / 2:.2g}"
+        reference = next((r.ours.get(key) for r in self.rows if r.name == row.against), None)
+        if not reference or len(values) < 2:
+            return text
+        if self.spread is Spread.SCENES:
+            mean, error = difference(values, reference)
+            text += f" ({mean:+.2g} ± {error:.1g})"
+        return f"{text}, {self.spread.verdict(values, reference)}"
+
+    def markdown(self) -> str:
+        lines = [self.head(), ["---"] * len(self.head()), *self.cells()]
+        body = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        return f"### {self.title}\n\n{self.note()}\n\n{body}\n"
+
+    def latex(self) -> str:
+        lines = [" & ".join(map(_escaped, line)) + r" \\" for line in (self.head(), *self.cells())]
+        columns = "l" + "r" * (len(self.head()) - 1)
+        return "\n".join(
+            [
+                r"\begin{table}",
+                rf"\caption{{{_escaped(self.title)}. {_escaped(self.note())}}}",
+                rf"\begin{{tabular}}{{{columns}}}",
+                r"\hline",
+                lines[0],
+                r"\hline",
+                *lines[1:],
+                r"\hline",
+                r"\end{tabular}",
+                r"\end{table}",
+                "",
+            ]
+        )
+
+    def note(self) -> str:
+        """The scale, and how to read the verdicts."""
+        how = {
+            Spread.SEEDS: "mean ± half the range over the seeds; undecided: the ranges overlap.",
+            Spread.SCENES: "mean (mean difference, scene by scene or view by view, ± its standard "
+            "error); undecided: a difference of less than two standard errors.",
+        }[self.spread]
+        pairs = [f"{row.name} with {row.against}" for row in self.rows if row.against]
+        return f"{self.scale} Ours: {how} Compared: {'; '.join(pairs)}."
+
+
+def _escaped(text: str) -> str:
+    for plain, escaped in (("%", r"\%"), ("_", r"\_"), ("±", r"$\pm$"), ("&", r"\&")):
+        text = text.replace(plain, escaped)
+    return text
