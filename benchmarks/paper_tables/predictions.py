@@ -19,6 +19,7 @@ from benchmarks.paper_tables.published import BAD, MSE
 from benchmarks.paper_tables.saved import saved_run
 from benchmarks.paper_tables.tables import Row, Spread, Table
 from epinet.angular import star_positions
+from epinet.errors import InputError
 from epinet.io import read_light_field
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX, score
@@ -134,12 +135,11 @@ def _scored(
     """Scores and time of shipped weights on a scene with truth."""
 
     def run() -> dict[str, Any]:
-        result, cost = _predicted(
-            read_light_field(scene), weights, machine, ensemble=ensemble, scale=scale
-        )
-        truth = result.lightfield.truth
-        assert truth is not None, f"{scene} has no truth"
-        return {"scores": score(result.disparity, truth)} | cost
+        lf = read_light_field(scene)
+        if lf.truth is None:
+            raise InputError(f"{scene}: no truth to score with")
+        result, cost = _predicted(lf, weights, machine, ensemble=ensemble, scale=scale)
+        return {"scores": score(result.disparity, lf.truth)} | cost
 
     options = {"ensemble": ensemble, "scale": scale}
     settings = {"scene": scene.name, "weights": _digest(weights)} | options
@@ -170,7 +170,7 @@ def unseen_errors(lf: LightField, disparity: NDArray[np.float32]) -> dict[str, l
             lf.gray(row, col),
             x - disparity * np.float32(cols),
             y - disparity * np.float32(rows),
-            cv2.INTER_CUBIC,
+            cv2.INTER_LANCZOS4,
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=float("nan"),
         )

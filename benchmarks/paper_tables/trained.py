@@ -61,7 +61,13 @@ BUDGETS = {
         steps=30,
         seeds=2,
         base="fast-9x9",
-        changes={"batch": 8, "patch_px": 6, "warmup_steps": 3, "validate_every": 10},
+        changes={
+            "local_contrast": False,  # needs larger scenes than these
+            "batch": 8,
+            "patch_px": 6,
+            "warmup_steps": 3,
+            "validate_every": 10,
+        },
         scenes=8,
         side_px=128,
         validation_scenes=4,
