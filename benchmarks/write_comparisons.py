@@ -41,9 +41,9 @@ runs every method on every light field in a process of its own, with the same nu
 - **plane sweep**: truncated differences of colour and gradient over the views of the star, .1 px
   apart, each slice filtered by a guided filter with the centre view in colour, the least cost and a
   parabola (Hosni et al., PAMI 2013; its parameters).
-- **Keras EPINET**: the reference architecture in Keras, `{requirement}`, which the script installs
-  into an environment of its own, with the weights of our `epinet_9x9` written into its HDF5 layout.
-  Its time is that of `model.predict` alone.
+- **Keras EPINET**: the reference architecture in Keras (`{requirement}`, which the script
+  installs into an environment of its own), with the weights of our `epinet_9x9` written into its
+  HDF5 layout. Its time is that of `model.predict` alone.
 - **SweepNet** and **EPINET**: what `epinet predict` does, from views in memory to the map, with the
   search for the range of disparities (SweepNet) and the confidence.
 
@@ -76,8 +76,8 @@ def peers() -> Iterator[str]:
     yield PEERS.format(requirement=REQUIREMENT)
     yield (
         f"Measured on {report['machine']}, {report['threads']} thread, float32, median of "
-        f"{report['repeats']} runs in one process. Other work ran on the machine: s is the wall "
-        "time as it was, CPU s what an idle machine would need. Peak memory is the whole "
+        f"{report['repeats']} runs in one process. Other work kept the machine busy, so that wall "
+        "times mean nothing: CPU s is about what an idle machine would need, a little less. Peak memory is the whole "
         "process's, with Python, torch (some 230 MB) and the views."
     )
     yield markdown(report)
@@ -96,9 +96,10 @@ def peers() -> Iterator[str]:
 
 def paper_tables() -> Iterator[str]:
     yield TABLES
-    folder = RESULTS / "paper_tables"
-    for file in ("minutes/streams", "minutes/views", "minutes/wide", "ensemble", "capture"):
-        yield (folder / f"{file}.md").read_text().rstrip()
+    for name in ("minutes/streams", "minutes/views", "minutes/wide", "ensemble", "capture"):
+        file = RESULTS / "paper_tables" / f"{name}.md"
+        if file.exists():
+            yield file.read_text().rstrip()
 
 
 def page() -> str:

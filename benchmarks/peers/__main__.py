@@ -28,6 +28,7 @@ from benchmarks.peers import keras_epinet
 from benchmarks.peers.methods import KERAS, METHODS, disparity_range
 from benchmarks.peers.picture import save_picture
 from benchmarks.peers.tables import markdown
+from epinet.errors import InputError
 from epinet.io import read_light_field
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import score
@@ -109,8 +110,8 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def main() -> None:
-    args = arguments()
+def compare(args: argparse.Namespace) -> None:
+    """Everything that the command line asks for."""
     args.maps.mkdir(parents=True, exist_ok=True)
     keras_python = keras_epinet.ensure_environment(args.environment)
     runner = Runner(args.maps, keras_python, args.threads, args.repeats)
@@ -147,6 +148,14 @@ def main() -> None:
         difference = report["keras_equals_ours"][name]["largest_difference_px"]
         if not difference <= TOLERANCE_PX:
             raise SystemExit(f"Keras and our network differ by {difference} px with {name} weights")
+
+
+def main() -> None:
+    args = arguments()
+    try:
+        compare(args)
+    except InputError as error:
+        raise SystemExit(str(error)) from error
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ SCORES = {
     "badpix_0.01": "(.01)",
     "mse_x100": "MSE x100",
 }
-COSTS = {"seconds": "s", "cpu_s": "CPU s", "peak_memory_mb": "peak MB"}
+COSTS = {"cpu_s": "CPU s", "peak_memory_mb": "peak MB"}
 
 
 def mean(scenes: dict[str, Any], method: str, key: str) -> float | None:
@@ -30,7 +30,7 @@ def markdown(report: dict[str, Any]) -> str:
     for name, scenes in report["sets"].items():
         for method in METHODS:
             values = [mean(scenes, method, key) for key in (*SCORES, *COSTS)]
-            digits = [*[2] * len(SCORES), 2, 2, 0]
+            digits = [*[2] * len(SCORES), 2, 0]
             cells = [
                 "-" if v is None else f"{v:.{n}f}" for v, n in zip(values, digits, strict=True)
             ]
