@@ -77,8 +77,8 @@ def peers() -> Iterator[str]:
     yield (
         f"Measured on {report['machine']}, {report['threads']} thread, float32, median of "
         f"{report['repeats']} runs in one process. Other work kept the machine busy, so that wall "
-        "times mean nothing: CPU s is about what an idle machine would need, a little less. Peak memory is the whole "
-        "process's, with Python, torch (some 230 MB) and the views."
+        "times mean nothing; an idle machine would need about the CPU time, or a little less. Peak "
+        "memory is the whole process's, with Python, torch (some 230 MB) and the views."
     )
     yield markdown(report)
     yield "![peers](images/peers.png)"

@@ -82,15 +82,16 @@ class Table:
         values = row.ours.get(key)
         if not values:
             return "-"
-        text = f"{statistics.mean(values):.3g}"
+        text = _figures(statistics.mean(values), 3)
         if self.spread is Spread.SEEDS:
-            text += f" ± {(max(values) - min(values)) / 2:.2g}"
+            text += f" ± {_figures((max(values) - min(values)) / 2, 2)}"
         reference = next((r.ours.get(key) for r in self.rows if r.name == row.against), None)
         if not reference or len(values) < 2:
             return text
         if self.spread is Spread.SCENES:
             mean, error = difference(values, reference)
-            text += f" ({mean:+.2g} ± {error:.1g})"
+            sign = "+" if mean >= 0 else ""
+            text += f" ({sign}{_figures(mean, 2)} ± {_figures(error, 1)})"
         return f"{text}, {self.spread.verdict(values, reference)}"
 
     def markdown(self) -> str:
@@ -126,6 +127,11 @@ class Table:
         }[self.spread]
         pairs = [f"{row.name} with {row.against}" for row in self.rows if row.against]
         return f"{self.scale} Ours: {how} Compared: {'; '.join(pairs)}."
+
+
+def _figures(value: float, significant: int) -> str:
+    """So many significant figures, never with an exponent where they fit."""
+    return f"{float(f'{value:.{significant}g}'):g}"
 
 
 def _escaped(text: str) -> str:

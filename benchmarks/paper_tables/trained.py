@@ -184,7 +184,11 @@ def _table(
     minutes = sum(run["minutes"] for runs in reports.values() for run in runs)
     metrics = {BAD: "BadPix(.07)", MSE: "MSE x100"}
     return Table(
-        title, f"{_scale(trainings)} {minutes:.0f} minutes in all.", metrics, Spread.SEEDS, rows
+        title,
+        f"{_scale(trainings)} {minutes:.0f} minutes of wall time in all.",
+        metrics,
+        Spread.SEEDS,
+        rows,
     )
 
 

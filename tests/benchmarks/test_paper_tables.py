@@ -59,6 +59,12 @@ def test_scenes_show_the_mean_difference():
     assert "), worse" not in table(Spread.SCENES, against="").markdown()
 
 
+def test_large_values_are_written_out():
+    rows = [Row("only", {"s": [1234.0, 1434.0]}, {})]
+    text = Table("T", "S.", {"s": "s"}, Spread.SEEDS, rows).markdown()
+    assert "| only | 1330 ± 100 |" in text
+
+
 def test_latex_escapes_what_it_must():
     text = table(Spread.SEEDS).latex()
     assert r"Table 9: 100 \%" in text
