@@ -20,6 +20,7 @@ from benchmarks.paper_tables import predictions, trained
 from benchmarks.paper_tables.tables import Table
 from epinet.allocator import keep_freed_memory
 from epinet.errors import InputError
+from epinet.train.run import StoppedError
 
 RESULTS = Path(__file__).parent.parent / "results" / "paper_tables"
 
@@ -57,7 +58,7 @@ def made(args: argparse.Namespace) -> tuple[Path, Table]:
     budget = trained.BUDGETS[args.budget]
     if args.table == "wide":
         count = budget.wide_scenes
-        return results, predictions.wide(results, runs / "wide", count, args.machine)
+        return results, predictions.wide(results, runs, count, args.machine)
     trainings = trained.Trainings(budget, results, runs, args.machine)
     return results, getattr(trained, args.table)(trainings)
 
@@ -67,7 +68,7 @@ def main() -> None:
     keep_freed_memory()  # as the command line does
     try:
         folder, table = made(args)
-    except InputError as error:
+    except (InputError, StoppedError) as error:
         raise SystemExit(str(error)) from error
     (folder / f"{args.table}.md").write_text(table.markdown())
     (folder / f"{args.table}.tex").write_text(table.latex())

@@ -26,6 +26,7 @@ from epinet.metrics.disparity import BORDER_PX, score
 from epinet.predict.batch import find_light_fields
 from epinet.predict.result import Result
 from epinet.synth.dataset import write_dataset
+from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX, Options
 
 ENSEMBLE = ", ensemble"
@@ -61,14 +62,17 @@ def ensemble(results: Path, paths: list[Path], machine: str) -> Table:
     )
 
 
-def wide(results: Path, data: Path, count: int, machine: str) -> Table:
+def wide(results: Path, runs: Path, count: int, machine: str) -> Table:
     """Table 3 on scenes of our generator's wide preset, rendered where they are not there yet."""
     options = Options(disparity_px=RANGES_PX["wide"])
-    scenes = write_dataset(data, options, WIDE_SEED, count, star_only=True, existing="resume")
+    set_ = f"wide_{VERSION}_seed{WIDE_SEED}"
+    scenes = write_dataset(
+        runs / set_, options, WIDE_SEED, count, star_only=True, existing="resume"
+    )
     models = {"SweepNet": ("sweepnet", 1), "EPINET": ("epinet_9x9", WIDE_SCALE)}
     rows = []
     for name, (weights, scale) in models.items():
-        runs = [_scored(results / "wide", scene, weights, machine, scale=scale) for scene in scenes]
+        runs = [_scored(results / set_, scene, weights, machine, scale=scale) for scene in scenes]
         ours = {
             "rmse_px": [math.sqrt(r["scores"][MSE] / 100) for r in runs],
             "mae_px": [r["scores"]["mae_px"] for r in runs],

@@ -16,6 +16,7 @@ from benchmarks.paper_tables.saved import saved_run
 from benchmarks.paper_tables.tables import Row, Spread, Table
 from epinet.io.atomic import atomic_path
 from epinet.synth.dataset import write_dataset
+from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX, Options
 from epinet.train.recipe import Recipe, load_recipe
 from epinet.train.run import Run
@@ -102,6 +103,12 @@ def recipe_for(name: str, seed: int, budget: Budget, data: Path | None = None) -
     return load_recipe(budget.base, studied | changes)
 
 
+def settings_of(recipe: Recipe, budget: Budget) -> dict[str, Any]:
+    """All that decides what a run gives."""
+    scenes = {"scenes": budget.scenes, "validation_scenes": budget.validation_scenes}
+    return recipe.as_dict() | scenes | {"generator": VERSION}
+
+
 @dataclass(frozen=True)
 class Trainings:
     """The trainings of one budget: their folders in `runs`, what they gave in `results`."""
@@ -117,8 +124,7 @@ class Trainings:
 
     def _report(self, name: str, seed: int) -> Any:
         budget = self.budget
-        settings = recipe_for(name, seed, budget).as_dict()
-        settings |= {"scenes": budget.scenes, "validation_scenes": budget.validation_scenes}
+        settings = settings_of(recipe_for(name, seed, budget), budget)
         file = self.results / f"{name}_seed{seed}.json"
         return saved_run(file, settings, lambda: self._run(name, seed))
 

@@ -10,7 +10,14 @@ from benchmarks.paper_tables import published
 from benchmarks.paper_tables.predictions import unseen_errors
 from benchmarks.paper_tables.saved import saved_run
 from benchmarks.paper_tables.tables import Row, Spread, Table
-from benchmarks.paper_tables.trained import BUDGETS, STUDIED, Trainings, recipe_for, streams
+from benchmarks.paper_tables.trained import (
+    BUDGETS,
+    STUDIED,
+    Trainings,
+    recipe_for,
+    settings_of,
+    streams,
+)
 from epinet.angular import star_positions
 from epinet.errors import InputError
 from epinet.lightfield import LightField
@@ -105,8 +112,7 @@ def test_a_table_is_made_of_saved_runs_alone(tmp_path):
     trainings = Trainings(budget, tmp_path / "results", tmp_path / "runs", "a machine")
     for k, name in enumerate(published.STREAMS):
         for seed in (1, 2):
-            settings = recipe_for(name, seed, budget).as_dict()
-            settings |= {"scenes": budget.scenes, "validation_scenes": budget.validation_scenes}
+            settings = settings_of(recipe_for(name, seed, budget), budget)
             scores = {"badpix_0.07": 60.0 - 10 * k + seed, "mse_x100": 5.0 + seed}
             report = {
                 "history": [{"step": 10, "scores": scores}],
