@@ -3,30 +3,35 @@
 from __future__ import annotations
 
 import statistics
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from scipy import stats
+
 Values = Sequence[float]
+
+SIGNIFICANCE = 0.05
+"""What is more likely than this to be chance is undecided."""
 
 
 class Spread(Enum):
     """What several values of one figure are, and so how two figures compare. Smaller is better."""
 
     SEEDS = "seeds"
-    """Trainings that differ by their seed alone: decided where their ranges do not overlap."""
+    """Trainings that differ by their seed alone."""
     SCENES = "scenes"
-    """The same scenes (or views): decided where the mean of the differences, scene by scene, is
-    more than two standard errors from 0."""
+    """The same scenes (or views)."""
 
     def verdict(self, values: Values, reference: Values) -> str:
-        """How the values stand to the reference's; at least two of each."""
-        if self is Spread.SEEDS:
-            better, worse = max(values) < min(reference), min(values) > max(reference)
-        else:
-            mean, error = difference(values, reference)
-            better, worse = mean < -2 * error, mean > 2 * error
-        return "better" if better else "worse" if worse else "undecided"
+        """How the values, at least two, stand to the reference's, by Student's t-test."""
+        test = stats.ttest_ind if self is Spread.SEEDS else stats.ttest_rel
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # values that do not differ at all
+            decided = test(values, reference).pvalue < SIGNIFICANCE
+        better = statistics.mean(values) < statistics.mean(reference)
+        return ("better" if better else "worse") if decided else "undecided"
 
 
 def difference(values: Values, reference: Values) -> tuple[float, float]:
@@ -121,10 +126,11 @@ class Table:
     def note(self) -> str:
         """The scale, and how to read the verdicts."""
         how = {
-            Spread.SEEDS: "mean ± half the range over the seeds; undecided: the ranges overlap.",
+            Spread.SEEDS: "mean ± half the range over the seeds; undecided: by a t-test",
             Spread.SCENES: "mean (mean difference, scene by scene or view by view, ± its standard "
-            "error); undecided: a difference of less than two standard errors.",
+            "error); undecided: by a paired t-test",
         }[self.spread]
+        how = f"{how}, more than {100 * SIGNIFICANCE:g} % likely to be chance."
         pairs = [f"{row.name} with {row.against}" for row in self.rows if row.against]
         return f"{self.scale} Ours: {how} Compared: {'; '.join(pairs)}."
 

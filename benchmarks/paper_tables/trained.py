@@ -58,7 +58,8 @@ class Budget:
 
 BUDGETS = {
     "minutes": Budget(
-        "It shows that the machinery works; nothing is learned in so few steps.",
+        "It shows that the machinery works: next to nothing is learned in so few steps, and what "
+        "is decided is who starts faster.",
         steps=30,
         seeds=2,
         base="fast-9x9",
