@@ -4,9 +4,10 @@
 
 Pixels of all scenes, inside the benchmark's border and where the truth is valid, are sorted by
 their expected error into ten classes of equal size; of each class, the mean of the expected and of
-the true error. The area between the sparsification curve (mean true error of what remains when the
-most doubtful pixels are taken away) and the best possible one, relative to the mean error, says how
-well the order is told: 0 is perfect, a random order gives the `random` figure.
+the true error, and of the confidence and the share of good estimates. The area between the
+sparsification curve (mean true error of what remains when the most doubtful pixels are taken away)
+and the best possible one, relative to the mean error, says how well the order is told: 0 is
+perfect, a random order gives the `random` figure.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ from epinet.synth.validation import validation_folder
 CLASSES = 10
 
 
-def pixels(folder: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Confidence and true error of all pixels of the scenes of a folder."""
+def pixels(folder: Path) -> tuple[NDArray[np.float64], ...]:
+    """Confidence, expected and true error of all pixels of the scenes of a folder."""
     model = epinet.load_model(model="sweepnet")
     inner = (slice(BORDER_PX, -BORDER_PX),) * 2
-    confidences, errors = [], []
+    confidences, expected, errors = [], [], []
     for path in find_light_fields([folder]):
         lf = epinet.read_light_field(path)
         assert lf.truth is not None
@@ -42,14 +43,17 @@ def pixels(folder: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             usable &= ~lf.masks["invalid"]
         chosen = usable[inner]
         confidences.append(result.confidence[inner][chosen])
+        assert result.expected_error is not None
+        expected.append(result.expected_error[inner][chosen])
         errors.append(np.abs(result.disparity - lf.truth)[inner][chosen])
         print(path.name, flush=True)
-    return np.concatenate(confidences).astype(float), np.concatenate(errors).astype(float)
+    return tuple(np.concatenate(each).astype(float) for each in (confidences, expected, errors))
 
 
-def report(confidence: NDArray[np.float64], error: NDArray[np.float64]) -> dict[str, Any]:
+def report(
+    confidence: NDArray[np.float64], expected: NDArray[np.float64], error: NDArray[np.float64]
+) -> dict[str, Any]:
     """The curve and its figures."""
-    expected = -WITHIN_PX / np.log1p(-np.clip(confidence, 1e-9, 1 - 1e-9))
     order = np.argsort(expected)
     classes = [
         {

@@ -5,7 +5,9 @@ Disparity is relative to the focus plane (0 there, positive nearer), so depth is
     beta = baseline * focal_length * max(width, height)
     Z    = beta * F / (d * F * sensor + beta)
 
-with every length in mm and F the focus distance (the 4D Light Field Benchmark's model).
+with every length in mm and F the focus distance (the 4D Light Field Benchmark's model). That is
+
+    1/Z = 1/F + d / (baseline * focal_px),    focal_px = focal_length * max(width, height) / sensor.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ class Camera:
     baseline_mm: float
     """Distance between adjacent views."""
     focus_distance_mm: float
-    """Distance at which the disparity is 0."""
+    """Distance at which the disparity is 0: inf for parallel cameras, negative where disparity 0
+    is farther than anything."""
     width_px: int
     height_px: int
     disparity_min_px: float | None = None
@@ -35,11 +38,23 @@ class Camera:
     disparity_max_px: float | None = None
 
     @property
-    def _beta(self) -> float:
-        return self.baseline_mm * self.focal_length_mm * max(self.width_px, self.height_px)
+    def focal_px(self) -> float:
+        """Focal length in pixels."""
+        return self.focal_length_mm * max(self.width_px, self.height_px) / self.sensor_size_mm
+
+    @property
+    def baseline_focal_mm_px(self) -> float:
+        """Baseline times focal length in pixels: with it, a disparity counted from infinity gives
+        the depth."""
+        return self.baseline_mm * self.focal_px
+
+    def disparity_from_infinity_px(self, disparity_px: NDArray[Any]) -> NDArray[np.float64]:
+        """Each disparity counted from that of infinitely far things, in px: 0 there, then up."""
+        d = np.asarray(disparity_px, dtype=np.float64)
+        return d + self.baseline_focal_mm_px / self.focus_distance_mm
 
     def depth_mm(self, disparity_px: NDArray[Any]) -> NDArray[np.float32]:
-        """Depth along the optical axis of each disparity; inf at and beyond infinity.
+        """Depth along the optical axis of each disparity; inf at and beyond infinity, NaN of NaN.
 
         Args:
             disparity_px: any shape, pixels per adjacent view.
@@ -49,17 +64,16 @@ class Camera:
             >>> float(camera.depth_mm(np.array(0.0)))
             2300.0
         """
-        d = np.asarray(disparity_px, dtype=np.float64)
-        denominator = d * self.focus_distance_mm * self.sensor_size_mm + self._beta
+        parallax = self.disparity_from_infinity_px(disparity_px)
         with np.errstate(divide="ignore", invalid="ignore"):
-            depth = self._beta * self.focus_distance_mm / denominator
-        return np.where(denominator <= 0, np.inf, depth).astype(np.float32)
+            depth = self.baseline_focal_mm_px / parallax
+        return np.where(parallax <= 0, np.inf, depth).astype(np.float32)
 
     def disparity_px(self, depth_mm: NDArray[Any]) -> NDArray[np.float32]:
         """Disparity of each depth, the inverse of `depth_mm`; takes inf."""
         z = np.asarray(depth_mm, dtype=np.float64)
         nearness = 1.0 / z - 1.0 / self.focus_distance_mm
-        return (self._beta / self.sensor_size_mm * nearness).astype(np.float32)
+        return (self.baseline_focal_mm_px * nearness).astype(np.float32)
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)

@@ -9,11 +9,20 @@ import typer
 
 from epinet import __version__
 from epinet.commands import weights
+from epinet.commands.calibrate import calibrate
+from epinet.commands.convert import convert
 from epinet.commands.demo import demo
+from epinet.commands.depth import depth
+from epinet.commands.evaluate import evaluate
+from epinet.commands.fade import fade
 from epinet.commands.info import info
+from epinet.commands.mesh import mesh
 from epinet.commands.predict import predict
+from epinet.commands.refocus import refocus
+from epinet.commands.submit import submit
 from epinet.commands.synth import synth, validation
 from epinet.commands.train import train
+from epinet.commands.wiggle import wiggle
 from epinet.errors import InputError
 
 app = typer.Typer(
@@ -24,7 +33,24 @@ app = typer.Typer(
     rich_markup_mode=None,
     add_completion=False,
 )
-for command in (info, predict, demo, train, synth, validation):
+COMMANDS = (
+    info,
+    convert,
+    predict,
+    depth,
+    calibrate,
+    mesh,
+    refocus,
+    fade,
+    wiggle,
+    demo,
+    evaluate,
+    submit,
+    train,
+    synth,
+    validation,
+)
+for command in COMMANDS:
     app.command()(command)
 app.add_typer(weights.app, name="weights")
 

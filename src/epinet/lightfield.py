@@ -51,6 +51,8 @@ class LightField:
     """(row, col) of views[0, 0] in the grid that was read."""
     notes: tuple[str, ...] = ()
     """What a user should know about how it was read."""
+    captured: bool = False
+    """Taken by a camera, so that views may be out of place and exposed differently."""
     view_truths: Mapping[tuple[int, int], NDArray[np.float32]] = field(default_factory=dict)
     """(H, W) disparity of further views by (row, col), each in its own pixels."""
 

@@ -47,7 +47,7 @@ def check(path: Path, original: LightField, layout: str) -> None:
 
 
 def test_all_layouts_are_tried() -> None:
-    assert list(NAMES) == list(LAYOUTS)
+    assert list(NAMES) == [name for name, layout in LAYOUTS.items() if layout.write is not None]
 
 
 @pytest.mark.parametrize("layout", NAMES)

@@ -1,5 +1,6 @@
 """SweepNet: what it is shown, against plain slow versions and planes of known disparity."""
 
+import itertools
 import math
 
 import numpy as np
@@ -97,6 +98,23 @@ def test_an_untrained_refinement_takes_the_least_squares_step():
     assert (refined - 0.63)[..., 12:-12, 12:-12].abs().mean() < 0.01
 
 
+def test_a_pixel_can_take_the_disparity_of_any_neighbour():
+    net = SweepNet().eval()
+    refine, seen = net.refine[0], Views(plane(0.0))
+    estimate = torch.rand(1, 1, SIDE_PX, SIDE_PX)
+    context = torch.zeros(1, net.config.context_width, SIDE_PX, SIDE_PX)
+    with torch.no_grad():
+        for k, (row, col) in enumerate(itertools.product((-4, -2, 0, 2, 4), repeat=2)):
+            refine.out.bias[-25:] = 100 * (torch.arange(25) == k)
+            taken, _ = refine(seen, estimate, 0.25, context)
+            if k == 0:
+                first = taken
+            # In the inner part each is the first one, moved.
+            a = taken[..., 8:-8, 8:-8]
+            b = first.roll((-row - 4, -col - 4), (-2, -1))[..., 8:-8, 8:-8]
+            assert torch.allclose(a, b)
+
+
 @pytest.mark.parametrize(
     ("views", "size", "range_px"),
     [
@@ -155,6 +173,6 @@ def test_an_impossible_input_is_refused():
 def test_a_configuration_survives_json():
     import json
 
-    config = SweepNetConfig(spreads_px=(0.3,))
+    config = SweepNetConfig(spreads_px=(0.3,), neighbours=((3, 4),))
     assert SweepNetConfig(**json.loads(json.dumps(config.as_dict()))) == config
     assert math.isclose(sum(SweepNetConfig().spreads_px), 0.33)

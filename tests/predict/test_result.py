@@ -41,7 +41,7 @@ def test_a_result_folder_holds_everything(estimator, lf, tmp_path):
     run = json.loads((folder / "run.json").read_text())
     assert run["size_px"] == {"height": 34, "width": 40}
     assert run["scores"]["mse_x100"] == pytest.approx(result.scores["mse_x100"])
-    assert set(run["seconds"]) == {"prepare", "network", "confidence"}
+    assert set(run["seconds"]) == {"align", "prepare", "network", "confidence", "refine"}
 
 
 def test_without_truth_there_are_no_scores(estimator, lf):

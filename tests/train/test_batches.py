@@ -216,3 +216,25 @@ def test_what_views_always_differ_by_makes_faint_texture_count_less():
         for c in (0.002, 0.02, 0.2)
     ]
     assert weights[0] < weights[1] < weights[2]
+
+
+def test_large_batches_come_in_turn_and_see_as_many_pixels():
+    changes = OURS | {"batch": 4, "large_patches": 0.5}
+    (batches,) = batches_of(load_recipe("fast-9x9", changes), [0])
+    small = load_recipe("fast-9x9", OURS).patch_px + 22
+    sides = [(len(b.stacks), b.stacks.shape[-1]) for b in map(batches, range(4))]
+    assert sides == [(4, small), (1, 2 * small)] * 2
+    for step in range(2):
+        batch = batches(step)
+        assert batch.disparity.shape[-1] == batch.stacks.shape[-1] - 22
+
+
+def test_mirrors_count_as_the_recipe_says():
+    usable = torch.ones(1, 32, 32, dtype=torch.bool)
+    usable[:, :, 16:] = False
+    patch = replace(made_of(3, torch.rand(32, 32)), usable=usable)
+    for mirror_weight in (0.0, 0.3):
+        cut = plain(patch_px=10, least_weight=1.0, mirror_weight=mirror_weight)
+        (weight,) = Batches(cut, [(Fixed(patch), 1.0)], [], 1)(0).weight
+        assert set(weight[..., :5].unique().tolist()) == {1.0}
+        assert weight[..., 5:].unique().tolist() == pytest.approx([mirror_weight])

@@ -109,6 +109,11 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
         (["data=[{generator: huge}]"], "data.0.generator"),
         (["data=[{share: 1}]"], "data.0: give either generator or folder"),
         (["data=[]"], "at least one source"),
+        (["data=[{generator: hci, options: {thin: 2}}]"], "data.0: options: thin is a share of 0"),
+        (["data=[{generator: hci, options: {thick: 2}}]"], "data.0: options: .*thick"),
+        (["data=[{folder: x, options: {thin: 0.1}}]"], "options are the generator's"),
+        (["mirror_weight=0.1"], "mirror_weight: takes a least_weight and rendered scenes"),
+        (["batch=6", "large_patches=0.5"], "a batch of 1.5 cannot be split in 1 shards"),
     ],
 )
 def test_impossible_values_are_named(changes, found):

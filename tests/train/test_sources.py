@@ -2,6 +2,7 @@
 
 import itertools
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,8 +96,8 @@ def test_rendered_pools_serve_eight_steps_each_and_never_change_together():
     options, needs = Options(samples=1, surfaces=(1, 2)), Needs(views=3)
 
     def source() -> Rendered:
-        reach = {k: 0.5 + k / 1000 for k in range(300)}
-        return Rendered(options, needs, seed=1, count=1, side_px=16, reach=reach.__getitem__)
+        reach = {k: 0.5 + k / 1000 for k in range(300)}.__getitem__
+        return Rendered([(options, 1.0)], needs, seed=1, count=1, side_px=16, reach=reach)
 
     def scene(rendered: Rendered, step: int) -> float:
         rendered.patch(generator(0), step, 0, 16)
@@ -112,3 +113,21 @@ def test_rendered_pools_serve_eight_steps_each_and_never_change_together():
     assert all(b - a >= STEPS_PER_POOL - 1 for a, b in itertools.pairwise(news))
     for step in (3, 70, 159):
         assert scene(source(), step) == seen[step]
+
+
+def test_each_pool_is_of_one_kind_and_kinds_come_by_their_shares():
+    near = Options(samples=1, surfaces=(1, 2), disparity_px=(2.0, 3.0))
+    far = replace(near, disparity_px=(-3.0, -2.0))
+
+    def source() -> Rendered:
+        kinds = [(near, 0.7), (far, 0.3)]
+        return Rendered(kinds, Needs(views=3), seed=1, count=2, side_px=16)
+
+    rendered, signs = source(), []
+    for step in range(2 * SLOTS * STEPS_PER_POOL):
+        both = [rendered.patch(generator(0), step, n, 16).disparity > 0 for n in range(2)]
+        assert all(b.all() for b in both) or not any(b.any() for b in both)
+        signs.append(bool(both[0].all()))
+    assert 0.4 < sum(signs) / len(signs) < 0.95
+    jumped = source()  # a resumed run sees the same kinds
+    assert bool((jumped.patch(generator(0), step, 0, 16).disparity > 0).all()) == signs[-1]

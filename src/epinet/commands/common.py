@@ -20,7 +20,7 @@ LayoutOption = Annotated[
     str | None,
     typer.Option(
         help="The layout on disk, where the guess is wrong: hci, rows_cols, numbered, eslf, "
-        "hci_hdf5, lftoolbox or array."
+        "hci_hdf5, lftoolbox, array or lytro_raw."
     ),
 ]
 FlipRowsOption = Annotated[
@@ -61,4 +61,7 @@ def result_line(name: str, run: dict[str, object], folder: Path, skipped: bool =
     if isinstance(scores, dict):
         text += f", BadPix(.07) {scores['badpix_0.07']:.2f} %, MSE x100 {scores['mse_x100']:.2f}"
     took = "done before" if skipped else f"{sum(seconds.values()):.1f} s"
-    return f"{text}, {took} -> {folder}"
+    settings = run["settings"]
+    assert isinstance(settings, dict)
+    refined = ", refined" if settings["refine"] else ""
+    return f"{text}{refined}, {took} -> {folder}"

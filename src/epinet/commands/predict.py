@@ -43,6 +43,14 @@ def predict(
     memory: Annotated[
         float, typer.Option(help="Bound on the network's memory in MB; smaller works in tiles.")
     ] = 1024,
+    refine: Annotated[
+        bool | None,
+        typer.Option(
+            "--refine/--no-refine",
+            help="Put the views in place and expose them alike before, smooth the map along the "
+            "picture's edges after; default: for what a camera took, not for rendered scenes.",
+        ),
+    ] = None,
     device: DeviceOption = None,
     layout: LayoutOption = None,
     flip_rows: FlipRowsOption = False,
@@ -64,7 +72,7 @@ def predict(
         find_light_fields(paths, layout, remark),
         output,
         reading=Reading(layout, flip_rows, flip_cols, transpose),
-        options=Options(ensemble, scale, step),
+        options=Options(ensemble, scale, step, refine),
         memory_mb=memory,
         force=force,
         progress=progress,
@@ -74,6 +82,8 @@ def predict(
         problems += outcome.problems
         if outcome.run is not None:
             print(result_line(outcome.name, outcome.run, outcome.folder, outcome.skipped))
+            for note in outcome.run["notes"]:
+                remark(f"note: {outcome.name}: {note}")
             for warning in outcome.run["warnings"]:
                 print(f"warning: {outcome.name}: {warning}", file=sys.stderr)
     if problems:

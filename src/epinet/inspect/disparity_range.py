@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from epinet.inspect.sweep import FINE_STEP_PX, TAIL, load_star, rough_match, rough_range, sweep
+from epinet.inspect.sweep import FINE_STEP_PX, TAIL, fine_match, load_star
 from epinet.lightfield import LightField
 
 
@@ -36,13 +36,8 @@ def estimate_range(lf: LightField) -> DisparityRange | None:
         InputError: the grid is smaller than 3x3, or the star of views is missing.
     """
     star = load_star(lf)
-    rough = rough_match(star)
-    if not rough.is_distinct:
-        return None
-    low, high = rough_range(star, rough)
-    fine = star.rings(max(abs(low), abs(high)))
-    match = sweep(fine, low, high, FINE_STEP_PX)
-    if not match.has_pixels:
+    match = fine_match(star)
+    if match is None:
         return None
     low, high = match.disparity_percentiles(TAIL)
     limit = star.search - FINE_STEP_PX

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from epinet.inspect.alignment import estimate_alignment
 from epinet.inspect.disparity_range import DisparityRange, estimate_range
 from epinet.inspect.order import OrderCheck, check_order
 from epinet.lightfield import LightField
@@ -24,6 +25,7 @@ def inspect(lf: LightField, trained_range_px: tuple[float, float] | None) -> dic
     """
     order = check_order(lf)
     span = estimate_range(order.correction.apply(lf))
+    alignment = estimate_alignment(order.correction.apply(lf))
     height, width = lf.size
     return {
         "input": None if lf.source is None else str(lf.source),
@@ -38,6 +40,8 @@ def inspect(lf: LightField, trained_range_px: tuple[float, float] | None) -> dic
         "masks": {name: round(float(mask.mean()), 4) for name, mask in lf.masks.items()},
         "order": _order(order),
         "disparity_px": None if span is None else asdict(span),
+        "captured": lf.captured,
+        "alignment": None if alignment is None else alignment.as_dict(),
         "notes": list(lf.notes),
         "warnings": _warnings(order, span, trained_range_px),
     }
@@ -63,6 +67,7 @@ def report_lines(report: dict[str, Any]) -> list[str]:
         "disparity": "cannot be estimated: too little texture"
         if span is None
         else f"about {span['min_px']:.1f}..{span['max_px']:.1f} px per adjacent view (estimated)",
+        "alignment": _alignment_text(report["alignment"]),
     }
     lines = [str(report["input"])]
     lines += [f"  {name + ':':<11}{text}" for name, text in facts.items() if text]
@@ -129,6 +134,19 @@ def _camera_text(camera: dict[str, Any] | None) -> str:
     )
     low, high = camera["disparity_min_px"], camera["disparity_max_px"]
     return text if low is None or high is None else f"{text}, stated {low:g}..{high:g} px"
+
+
+def _alignment_text(alignment: dict[str, Any] | None) -> str:
+    if alignment is None:
+        return "cannot be estimated: too little texture"
+    low, high = alignment["gains"]
+    out_of_place = "" if alignment["is_misaligned"] else ", no more than the error of the estimate"
+    uneven = "" if alignment["is_uneven"] else ", no more than the error of the estimate"
+    return (
+        f"views {alignment['misalignment_px']:.3f} px (rms) out of place{out_of_place}; "
+        f"exposures differ by {100 * alignment['unevenness']:.2f} % of white (rms; gains "
+        f"{low:.3f}..{high:.3f}){uneven}"
+    )
 
 
 def _truth_text(truth: dict[str, float] | None) -> str:

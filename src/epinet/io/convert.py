@@ -6,7 +6,7 @@ from pathlib import Path
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_folder, atomic_path
-from epinet.io.read import named_layout
+from epinet.io.read import LAYOUTS, named_layout
 from epinet.lightfield import LightField
 
 
@@ -25,14 +25,17 @@ def write_light_field(
         overwrite: replace what is at `path`; a folder is replaced as a whole.
 
     Raises:
-        InputError: an unknown layout, a suffix that is not the layout's, something at `path`
-            already, a light field that the layout cannot hold, or an unwritable path.
+        InputError: an unknown layout or one that is only read, a suffix that is not the layout's,
+            something at `path` already, a light field that the layout cannot hold, or an
+            unwritable path.
 
     Example:
         >>> write_light_field("antinous.npz", lf, "array")  # doctest: +SKIP
     """
     path = Path(path)
     chosen = named_layout(layout)
+    if chosen.write is None:
+        raise InputError(f"{path}: the layout {layout} can only be read")
     if chosen.suffixes and path.suffix.lower() not in chosen.suffixes:
         raise InputError(
             f"{path}: a file of the layout {layout} is named {' or '.join(chosen.suffixes)}"
@@ -42,3 +45,24 @@ def write_light_field(
     atomic = atomic_folder if chosen.is_folder else atomic_path
     with atomic(path) as temporary:
         chosen.write(temporary, lf)
+
+
+def layout_for(path: Path) -> str:
+    """Name of the layout that a path asks for by its ending; without one, the benchmark's folder.
+
+    Raises:
+        InputError: no layout is written with that ending.
+
+    Example:
+        >>> layout_for(Path("scene")), layout_for(Path("scene_eslf.png"))
+        ('hci', 'eslf')
+    """
+    suffix = path.suffix.lower()
+    if not suffix or path.is_dir():
+        return "hci"
+    written = [layout for layout in LAYOUTS.values() if layout.write is not None]
+    for layout in written:
+        if suffix in layout.suffixes:
+            return layout.name
+    endings = ", ".join(suffix for layout in written for suffix in layout.suffixes)
+    raise InputError(f"{path}: nothing is written as {suffix}; use a folder's name or {endings}")

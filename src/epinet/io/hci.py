@@ -2,10 +2,11 @@
 
 `input_Cam000.png` onwards (index = columns * row + col from the top-left), and where they exist
 `parameters.cfg`, `gt_disp_lowres.pfm`, `objectids_lowres.png` (16 bit) and the masks
-`invalid_mask.png`, `valid_mask.png` and `mask_<name>_lowres.png`. `gt_depth_lowres.pfm` (depth in
-mm) is written where the camera is known and never read: it follows from the disparity and the
-camera. Truths of further views, `gt_disp_lowres_Cam000.pfm` onwards, are read by
-`read_view_truths` only: few want them.
+`invalid_mask.png`, `valid_mask.png` and `mask_<name>_lowres.png`. A folder that we write from a
+camera's views says so in `parameters.cfg` (captured = true); others hold rendered scenes.
+`gt_depth_lowres.pfm` (depth in mm) is written where the camera is known and never read: it follows
+from the disparity and the camera. Truths of further views, `gt_disp_lowres_Cam000.pfm` onwards, are
+read by `read_view_truths` only: few want them.
 """
 
 from __future__ import annotations
@@ -75,7 +76,14 @@ def read(folder: Path) -> LightField:
             masks[name] = _read_mask(path, size)
     if lf is None or problems:
         raise InputError(problems)
-    return replace(lf, camera=parameters.camera, truth=truth, masks=masks, objects=objects)
+    return replace(
+        lf,
+        camera=parameters.camera,
+        truth=truth,
+        masks=masks,
+        objects=objects,
+        captured=parameters.captured,
+    )
 
 
 def write(folder: Path, lf: LightField) -> None:
@@ -212,4 +220,5 @@ LAYOUT = Layout(
     recognises=recognises,
     read=read,
     write=write,
+    rendered=True,
 )

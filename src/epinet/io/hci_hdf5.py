@@ -6,7 +6,8 @@ and dV (distance of the views), focalLength (in pixels) and shift, by which
     disparity = dH * focalLength / depth - shift
 
 in pixels per adjacent view, larger when nearer. Most readers of the archive's files reverse h (its
-cameras are stored right to left), some do not, and the file does not say: the images decide.
+cameras are stored right to left), some do not, and the file does not say: the images decide. A
+file that we write from a camera's views has the attribute captured.
 """
 
 from __future__ import annotations
@@ -50,8 +51,9 @@ def read(path: Path) -> LightField:
             raise InputError(f"{path}: no dataset /LF; it holds {', '.join(file) or 'nothing'}")
         array = file["LF"][...]
         depth = file["GT_DEPTH"][...] if "GT_DEPTH" in file else None
+        captured = bool(file.attrs.get("captured", False))
         attributes = {name: float(np.ravel(file.attrs[name])[0]) for name in _stated(file.attrs)}
-    lf = _left_to_right(light_field_of(array, path))
+    lf = replace(_left_to_right(light_field_of(array, path)), captured=captured)
     if depth is None:
         return lf
     if len(attributes) < 3:
@@ -84,6 +86,8 @@ def write(path: Path, lf: LightField) -> None:
 
     with h5py.File(path, "w") as file:
         file["LF"] = lf.views
+        if lf.captured:
+            file.attrs["captured"] = True
         if lf.camera is None:
             return
         c = lf.camera
@@ -113,4 +117,5 @@ LAYOUT = Layout(
     read=read,
     write=write,
     suffixes=_SUFFIXES,
+    rendered=True,
 )

@@ -20,10 +20,12 @@ class Layout:
     """Whether a folder (or file) looks like this layout. May be wrong about a broken one."""
     read: Callable[[Path], LightField]
     """Raises InputError with all that is wrong."""
-    write: Callable[[Path, LightField], None]
-    """Fills an empty folder, or writes a file."""
+    write: Callable[[Path, LightField], None] | None
+    """Fills an empty folder, or writes a file; None where it can only be read."""
     suffixes: tuple[str, ...] = ()
-    """Of the files written; empty for a layout that is a folder."""
+    """Of its files; empty for a layout that is a folder."""
+    rendered: bool = False
+    """What lies in it is rendered unless it says otherwise; else a camera took it."""
 
     @property
     def is_folder(self) -> bool:

@@ -29,6 +29,8 @@ class Parameters:
     """Rows and columns of the grid, where stated."""
     camera: Camera | None = None
     """None where the file says nothing about the camera."""
+    captured: bool = False
+    """Taken by a camera; the benchmark's own scenes are rendered."""
 
 
 def read_parameters(path: Path) -> Parameters:
@@ -43,18 +45,22 @@ def read_parameters(path: Path) -> Parameters:
     problems = Problems()
     side: int | None = None
     camera: Camera | None = None
+    captured = False
     with problems.gather():
         side = _side(path, config)
     with problems.gather():
         camera = _camera(path, config)
+    with problems.gather():
+        captured = _captured(path, config)
     problems.raise_any()
-    return Parameters(side, camera)
+    return Parameters(side, camera, captured)
 
 
 def write_parameters(path: Path, lf: LightField) -> None:
-    """Write what `read_parameters` reads: the grid's size, and the camera if there is one."""
+    """Write what `read_parameters` reads: grid, camera where known, whether it was captured."""
     side = str(lf.grid[0])
     sections = {"extrinsics": {"num_cams_x": side, "num_cams_y": side}}
+    meta = {"captured": "true"} if lf.captured else {}
     if lf.camera is not None:
         c = lf.camera
         intrinsics = (c.focal_length_mm, c.sensor_size_mm, c.width_px, c.height_px)
@@ -62,7 +68,8 @@ def write_parameters(path: Path, lf: LightField) -> None:
         sections["extrinsics"]["baseline_mm"] = str(c.baseline_mm)
         sections["extrinsics"]["focus_distance_m"] = str(c.focus_distance_mm / 1000)
         bounds = {"disp_min": c.disparity_min_px, "disp_max": c.disparity_max_px}
-        sections["meta"] = {key: str(value) for key, value in bounds.items() if value is not None}
+        meta |= {key: str(value) for key, value in bounds.items() if value is not None}
+    sections["meta"] = meta
     config = configparser.ConfigParser(interpolation=None)
     config.read_dict(sections)
     with path.open("w", encoding="utf-8") as file:
@@ -110,6 +117,14 @@ def _camera(path: Path, config: configparser.ConfigParser) -> Camera | None:
         disparity_min_px=bounds["disp_min"],
         disparity_max_px=bounds["disp_max"],
     )
+
+
+def _captured(path: Path, config: configparser.ConfigParser) -> bool:
+    try:
+        return config.getboolean("meta", "captured", fallback=False)
+    except ValueError as error:
+        text = config.get("meta", "captured")
+        raise InputError(f"{path}: captured = {text} must be true or false") from error
 
 
 def _number(path: Path, config: configparser.ConfigParser, section: str, key: str) -> float:

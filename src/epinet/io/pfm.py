@@ -36,6 +36,19 @@ def read_pfm(path: str | Path) -> NDArray[np.float32]:
     path = Path(path)
     with parsing(path, "PFM"):
         data = path.read_bytes()
+    return decode_pfm(data, path)[0]
+
+
+def decode_pfm(data: bytes, path: Path | str) -> tuple[NDArray[np.float32], float]:
+    """Values as `read_pfm` gives them, and the scale, from the content of a file.
+
+    Args:
+        data: the content.
+        path: where it comes from, for messages.
+
+    Raises:
+        InputError: as `read_pfm`.
+    """
     header = _HEADER.match(data)
     if header is None:
         raise InputError(
@@ -43,11 +56,12 @@ def read_pfm(path: str | Path) -> NDArray[np.float32]:
         )
     magic, width_text, height_text, scale_text = header.groups()
     width, height = (_size(path, text) for text in (width_text, height_text))
-    byte_order = "<" if _scale(path, scale_text) < 0 else ">"
+    scale = _scale(path, scale_text)
+    byte_order = "<" if scale < 0 else ">"
     shape = (height, width, 3) if magic == b"PF" else (height, width)
     start = _data_start(path, data, header.end(), shape)
     rows = np.frombuffer(data, dtype=f"{byte_order}f4", offset=start).reshape(shape)
-    return np.ascontiguousarray(rows[::-1], dtype=np.float32)
+    return np.ascontiguousarray(rows[::-1], dtype=np.float32), scale
 
 
 def write_pfm(
@@ -74,13 +88,13 @@ def write_pfm(
         temporary.write_bytes(header + rows.tobytes())
 
 
-def _size(path: Path, text: bytes) -> int:
+def _size(path: Path | str, text: bytes) -> int:
     if not re.fullmatch(rb"\d{1,18}", text) or int(text) == 0:
         raise InputError(f"{path}: width and height must be positive whole numbers, not {text!r}")
     return int(text)
 
 
-def _scale(path: Path, text: bytes) -> float:
+def _scale(path: Path | str, text: bytes) -> float:
     try:
         scale = float(text)
     except ValueError:
@@ -90,7 +104,7 @@ def _scale(path: Path, text: bytes) -> float:
     return scale
 
 
-def _data_start(path: Path, data: bytes, header_end: int, shape: tuple[int, ...]) -> int:
+def _data_start(path: Path | str, data: bytes, header_end: int, shape: tuple[int, ...]) -> int:
     """Where the values begin: behind the one line end that follows the scale.
 
     Values may themselves look like line ends, so the place is found from the file's length.

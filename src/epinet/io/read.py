@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from epinet.errors import InputError
-from epinet.io import array, eslf, hci, hci_hdf5, lftoolbox, numbered, rows_cols
+from epinet.io import array, eslf, hci, hci_hdf5, lftoolbox, lytro_raw, numbered, rows_cols
 from epinet.io.images import image_files
 from epinet.io.layout import Layout
 from epinet.lightfield import LightField
+from epinet.raw import DEFAULT_VIEWS, decode
 
-_MODULES = (hci, rows_cols, numbered, eslf, hci_hdf5, lftoolbox, array)
+_MODULES = (hci, rows_cols, numbered, eslf, hci_hdf5, lftoolbox, array, lytro_raw)
 
 LAYOUTS: dict[str, Layout] = {module.LAYOUT.name: module.LAYOUT for module in _MODULES}
 """Every layout by name, in the order in which they are tried."""
@@ -36,8 +38,7 @@ def read_light_field(path: str | Path, layout: str | None = None) -> LightField:
         ('hci', (9, 9), (512, 512))
     """
     path = Path(path)
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder")
+    _check_there(path)
     try:
         chosen = _recognised(path) if layout is None else named_layout(layout)
         if chosen.is_folder != path.is_dir():
@@ -49,7 +50,27 @@ def read_light_field(path: str | Path, layout: str | None = None) -> LightField:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     _check(lf, path)
-    return replace(lf, source=path, layout=chosen.name)
+    captured = lf.captured or not chosen.rendered
+    return replace(lf, source=path, layout=chosen.name, captured=captured)
+
+
+def read_raw(
+    path: Path,
+    white: Path | None = None,
+    views: int = DEFAULT_VIEWS,
+    progress: Callable[[float], None] = lambda share: None,
+) -> LightField:
+    """Read a raw capture, as `read_light_field` does, with a say in how it is decoded.
+
+    Args and errors: as of `epinet.raw.decode`.
+    """
+    _check_there(path)
+    try:
+        lf = decode(path, white, views, progress)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    _check(lf, path)
+    return replace(lf, source=path, layout=lytro_raw.LAYOUT.name)
 
 
 def is_light_field(path: Path) -> bool:
@@ -91,6 +112,11 @@ def _found(path: Path) -> str:
     example = f", such as {images[0].name}" if images else ""
     hint = "; the views may lie in one of the folders" if folders and not images else ""
     return f"not recognised: {counts} and {others}{example}{hint}"
+
+
+def _check_there(path: Path) -> None:
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
 
 
 def _check(lf: LightField, path: Path) -> None:

@@ -1,4 +1,8 @@
-"""Scores of a disparity map, as the 4D Light Field Benchmark defines them."""
+"""Scores of a disparity map, as the 4D Light Field Benchmark defines them.
+
+The functions from `badpix` to `missing` hold the definitions. They take the errors
+|estimate - truth| at the pixels to be scored, in px, not finite where there is no estimate.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,49 @@ BORDER_PX = 15
 """The benchmark leaves out a border of this width."""
 
 BADPIX_THRESHOLDS_PX = (0.07, 0.03, 0.01)
+
+
+def percent(bad: NDArray[np.bool_]) -> float:
+    """Share of the true ones; NaN of none at all."""
+    return 100 * float(np.mean(bad)) if bad.size else float("nan")
+
+
+def badpix(error: NDArray[Any], threshold_px: float) -> float:
+    """Percent of errors above the threshold; a missing estimate counts as one.
+
+    Example:
+        >>> badpix(np.array([0, 0.07, 0.08, np.nan]), 0.07)
+        50.0
+    """
+    return percent(~(error <= threshold_px))
+
+
+def mse_x100(error: NDArray[Any]) -> float:
+    """Mean of the squares, in px^2, times 100; where there is an estimate."""
+    finite = _finite(error)
+    return 100 * float(np.mean(finite**2)) if finite.size else float("nan")
+
+
+def rmse_px(error: NDArray[Any]) -> float:
+    """Root of the mean square, where there is an estimate."""
+    return float(np.sqrt(mse_x100(error) / 100))
+
+
+def mae_px(error: NDArray[Any]) -> float:
+    """Mean, where there is an estimate."""
+    finite = _finite(error)
+    return float(np.mean(finite)) if finite.size else float("nan")
+
+
+def q25_x100(error: NDArray[Any]) -> float:
+    """25th percentile, in px, times 100; where there is an estimate."""
+    finite = _finite(error)
+    return 100 * float(np.percentile(finite, 25)) if finite.size else float("nan")
+
+
+def missing(error: NDArray[Any]) -> float:
+    """Percent of pixels without an estimate."""
+    return percent(~np.isfinite(error))
 
 
 def score(
@@ -41,10 +88,15 @@ def score(
     if not known.any():
         raise ValueError("no pixel inside the border has truth")
     error = np.abs(estimate[known].astype(np.float64) - truth[known])
-    finite = error[np.isfinite(error)]
-    scores = {f"badpix_{t}": 100 * float(np.mean(~(error <= t))) for t in BADPIX_THRESHOLDS_PX}
-    scores["mse_x100"] = 100 * float(np.mean(finite**2)) if finite.size else float("nan")
-    scores["mae_px"] = float(np.mean(finite)) if finite.size else float("nan")
-    scores["q25_x100"] = 100 * float(np.percentile(finite, 25)) if finite.size else float("nan")
-    scores["missing"] = 100 * (1 - finite.size / error.size)
-    return scores
+    scores = {f"badpix_{t}": badpix(error, t) for t in BADPIX_THRESHOLDS_PX}
+    return scores | {
+        "mse_x100": mse_x100(error),
+        "mae_px": mae_px(error),
+        "q25_x100": q25_x100(error),
+        "missing": missing(error),
+    }
+
+
+def _finite(error: NDArray[Any]) -> NDArray[Any]:
+    finite: NDArray[Any] = error[np.isfinite(error)]
+    return finite

@@ -28,6 +28,9 @@ SWEEPNET_VIEWS = (9, 7, 5, 3)
 
 Network = Epinet | SweepNet
 
+CALIBRATION = "calibration"
+"""Key of the metadata of `epinet.predict.confidence.Calibration`, where errors are predicted."""
+
 EPINET, SWEEPNET = "epinet", "sweepnet"
 MODELS: dict[str, tuple[type[Network], type[EpinetConfig] | type[SweepNetConfig]]] = {
     SWEEPNET: (SweepNet, SweepNetConfig),

@@ -39,9 +39,11 @@ OUTERMOST = 4
 """Distance of the outermost views from the centre in the network's own unit of baseline."""
 SPAN = 12.0
 """Ranges wider than this, in the network's unit, are searched on smaller pictures."""
-BOXES_PX = (1, 5, 15)
+BOXES_PX = (1, 5, 15, 45)
 """Squares over which least squares are taken; a network chooses among them."""
 SMOOTHINGS_PX = (3, 9, 25)
+KEPT = 7.0
+"""A refinement begins by keeping its own map: by so much its log odds exceed any neighbour's."""
 
 
 def _arms() -> list[tuple[int, int, int, int]]:
@@ -74,9 +76,13 @@ class SweepNetConfig:
     refine_width: int = 32
     spreads_px: tuple[float, ...] = (0.25, 0.08)
     """One refinement for each: how much nearer and farther it looks."""
+    neighbours: tuple[tuple[int, int], ...] = ((5, 2), (3, 1))
+    """For each refinement (side, spacing in px) of the square whose maps a pixel chooses from."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "spreads_px", tuple(self.spreads_px))  # JSON has lists
+        # JSON has lists.
+        object.__setattr__(self, "spreads_px", tuple(self.spreads_px))
+        object.__setattr__(self, "neighbours", tuple((n, px) for n, px in self.neighbours))
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -181,18 +187,26 @@ class _Fill(nn.Module):
 
 
 class _Refine(nn.Module):
-    """Moves an estimate by least squares of the arms' residuals, as a network weighs them."""
+    """Moves an estimate by least squares of the arms' residuals, as a network weighs them.
+
+    Then each pixel chooses among its neighbours' disparities: beside an edge the estimate is often
+    of the wrong surface, too far off for least squares, while a neighbour has it right.
+    """
 
     DILATIONS = (1, 2, 4, 8, 1)
 
-    def __init__(self, width: int, context: int) -> None:
+    def __init__(self, width: int, context: int, neighbours: tuple[int, int]) -> None:
         super().__init__()
+        self.side, self.apart_px = neighbours
         seen = 3 * PARTS + 2 * len(ARMS) + 2 + len(SMOOTHINGS_PX) + 1 + context
         self.first = nn.Conv2d(seen, width, 1)
         self.body = nn.Sequential(*(_Residual(width, d) for d in self.DILATIONS))
-        self.out = nn.Conv2d(width, len(ARMS) + len(BOXES_PX) + 2, 3, padding=1)
+        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, self.side**2)
+        self.out = nn.Conv2d(width, sum(self.parts), 3, padding=1)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(_bias(self.out))
+        with torch.no_grad():
+            _bias(self.out)[-(self.side**2 // 2 + 1)] = KEPT
 
     def forward(
         self, views: Views, disparity: Tensor, spread_px: float, context: Tensor
@@ -206,15 +220,19 @@ class _Refine(nn.Module):
         spread = torch.full_like(disparity, math.log(spread_px))
         x = torch.cat([residuals, step, told, views.centre, *bumps, spread, context], 1)
         out = self.out(F.relu(self.body(self.first(x)))).float()
-        weights = out[:, : len(ARMS)].clamp(-8, 8).exp()
-        choice = out[:, len(ARMS) : -2].softmax(1)
+        weights, choice, more, log_error, kept = out.split(self.parts, 1)
+        weights, choice = weights.clamp(-8, 8).exp(), choice.softmax(1)
         slope, match = ((weights * t).sum(1, keepdim=True) for t in (slopes, matches))
+        disparity = disparity + spread_px * more
         for k, box in enumerate(BOXES_PX):
             moved = box_mean(slope, box) / (box_mean(match, box) + 1e-4)
             disparity = disparity + choice[:, k : k + 1] * moved.clamp(
                 -2 * spread_px, 2 * spread_px
             )
-        return disparity + spread_px * out[:, -2:-1], out[:, -1:] + math.log(spread_px)
+        chosen = (kept.softmax(1) * _neighbours(disparity, self.side, self.apart_px)).sum(
+            1, keepdim=True
+        )
+        return chosen, log_error + math.log(spread_px)
 
 
 class Views:
@@ -301,7 +319,8 @@ class SweepNet(nn.Module):
         self.sweep = _Sweep(config.sweep_width)
         self.fill = _Fill(config.fill_width, config.context_width)
         self.refine = nn.ModuleList(
-            _Refine(config.refine_width, config.context_width) for _ in config.spreads_px
+            _Refine(config.refine_width, config.context_width, neighbours)
+            for _, neighbours in zip(config.spreads_px, config.neighbours, strict=True)
         )
 
     def forward(self, stacks: Tensor, range_px: tuple[float, float] = (-4.0, 4.0)) -> Estimates:
@@ -372,6 +391,15 @@ def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
 def _bumps(disparity: Tensor) -> list[Tensor]:
     """What smoothing changes."""
     return [box_mean(disparity, side) - disparity for side in SMOOTHINGS_PX]
+
+
+def _neighbours(images: Tensor, side: int, apart_px: int) -> Tensor:
+    """(B, side^2, H, W) of images (B, 1, H, W): at each place of a square; the border repeats."""
+    reach, (height, width) = side // 2 * apart_px, images.shape[-2:]
+    padded = F.pad(images, (reach,) * 4, mode="replicate")
+    steps = range(0, 2 * reach + 1, apart_px)
+    moved = [padded[..., y : y + height, x : x + width] for y in steps for x in steps]
+    return torch.cat(moved, 1)
 
 
 def _enlarged(images: Tensor) -> Tensor:

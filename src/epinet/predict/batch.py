@@ -48,6 +48,7 @@ class Options:
     ensemble: bool = False
     scale: int = 1
     step: int = 1
+    refine: bool | None = None
 
 
 @dataclass(frozen=True)

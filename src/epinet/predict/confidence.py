@@ -1,8 +1,9 @@
 """How far an estimate can be trusted.
 
 SweepNet predicts its mean error b; the confidence is the probability that the error is at most
-0.07 px if errors spread as Laplace's distribution: 1 - exp(-0.07 / b). How true that is, is
-measured in docs/results.md. EPINET predicts no error; its confidence is how well the views agree.
+0.07 px, 1 / (1 + (b / even)^steepness), both fitted to the weights after training. How true that
+is, is measured in docs/results.md. EPINET predicts no error; its confidence is how well the views
+agree.
 
 For each pixel of the centre view, the views of the star are sampled where the estimate says the
 pixel is seen; r is the mean absolute difference to the centre (luma in 0..1, averaged over 3x3
@@ -18,10 +19,13 @@ mirrors, or the views are noisy), but high also on a textureless wall, where any
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -42,9 +46,38 @@ BAND_PX = 2**17
 """Pixels handled at once, to bound memory: some 200 MB with 32 views."""
 
 
-def probably_good(error_px: Tensor) -> NDArray[np.float32]:
-    """Confidence (H, W) in 0..1 of a map whose mean error (H, W) is predicted."""
-    return (-torch.expm1(-WITHIN_PX / error_px)).cpu().numpy()
+@dataclass(frozen=True)
+class Calibration:
+    """How often an expected error means a good estimate."""
+
+    even_px: float = WITHIN_PX
+    """Of the expected error at which half of the estimates are good."""
+    steepness: float = 2.0
+
+    def confidence(self, expected_error_px: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Probability (...) in 0..1 of an error up to `WITHIN_PX`."""
+        odds = (expected_error_px / self.even_px) ** self.steepness
+        return (1 / (1 + odds)).astype(np.float32)
+
+    @classmethod
+    def fitted(cls, expected_error_px: NDArray[Any], error_px: NDArray[Any]) -> Calibration:
+        """The likeliest one: a logistic regression on the logarithm of the expected error.
+
+        Args:
+            expected_error_px: (N,) of estimates whose true error is known.
+            error_px: (N,)
+        """
+        x = np.log(expected_error_px.astype(np.float64))
+        middle, spread = x.mean(), x.std() + 1e-9
+        x = (x - middle) / spread
+        bad = (error_px > WITHIN_PX).astype(np.float64)
+
+        def unlikely(parameters: NDArray[np.float64]) -> float:
+            odds = parameters[0] + parameters[1] * x
+            return float(np.mean(np.logaddexp(0, odds) - bad * odds))
+
+        shift, slope = minimize(unlikely, np.array([0.0, 1.0])).x
+        return cls(float(np.exp(middle - spread * shift / slope)), float(slope / spread))
 
 
 @torch.inference_mode()

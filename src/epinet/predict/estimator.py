@@ -6,29 +6,38 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F
 
 from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
+from epinet.inspect.alignment import estimate_alignment
 from epinet.inspect.disparity_range import estimate_range
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import DEFAULT_MODEL, Weights, load_weights, shipped_weights
+from epinet.model.checkpoint import (
+    CALIBRATION,
+    DEFAULT_MODEL,
+    Weights,
+    load_weights,
+    shipped_weights,
+)
 from epinet.model.contrast import local_contrast
 from epinet.model.epinet import Epinet
 from epinet.model.sweepnet import SweepNet
 from epinet.predict.confidence import (
     AGREEMENT,
     PROBABILITY,
+    Calibration,
     photo_consistency,
-    probably_good,
 )
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
+from epinet.refine import compensated, refined
 from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1024.0
@@ -38,6 +47,18 @@ LEAST_SLACK_PX, SLACK = 0.5, 0.1
 """A search goes so much, or this share of its range, beyond the disparities that the views show."""
 
 Progress = Callable[[float], None]
+
+
+class _Map(NamedTuple):
+    """What a network says of the views shrunk by the scale, in their pixels."""
+
+    disparity: Tensor
+    error: Tensor | None
+    """Expected; None from a network that predicts none."""
+    range_px: tuple[float, float] | None
+    """Disparities that the network looked for, or was trained for."""
+    begun: float
+    """When the network began, after all was prepared."""
 
 
 class Estimator:
@@ -76,6 +97,7 @@ class Estimator:
         ensemble: bool = False,
         scale: int = 1,
         step: int = 1,
+        refine: bool | None = None,
         memory_mb: float = DEFAULT_MEMORY_MB,
         progress: Progress = lambda share: None,
     ) -> Result:
@@ -87,6 +109,8 @@ class Estimator:
             scale: for disparities beyond the network's range: the network sees views shrunk
                 by this factor; the map comes back at full size in full-size pixels.
             step: take every step-th view; the map is then per so many adjacent views.
+            refine: compensate misalignment and exposure of the views before, and take the weighted
+                median after (docs/refinement.md); None does so where a camera took the views.
             memory_mb: bound on what the network holds at once, beside the views themselves.
             progress: called with the share of the work (0..1) done since the last call.
 
@@ -96,51 +120,75 @@ class Estimator:
         self._check(lf, scale, step, memory_mb)
         start = time.perf_counter()
         weights, used = self._fitting(lf, step)
-        net = weights.net
-        streams = net.config.streams if isinstance(net, Epinet) else 4
-        if ensemble and streams != 4:
-            raise InputError("the ensemble turns streams into each other and needs all four")
-        stacks = torch.from_numpy(used.stacks(used.grid[0], streams))
-        seen = shrink(stacks, scale).to(self.device)
-        error: Tensor | None = None
-        if isinstance(net, Epinet):
-            if weights.sees_local_contrast:
-                seen = local_contrast(seen)
-            bounds = weights.disparity_range_px
-            prepared = time.perf_counter()
-            map_ = _by_epinet(net, seen, ensemble, memory_mb, progress)
-        else:
-            bounds = search_range(used, scale)
-            prepared = time.perf_counter()
-            map_, error = _by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress)
-        disparity = enlarge(map_, scale, lf.size).cpu().numpy()
+        refine = lf.captured if refine is None else refine
+        alignment = estimate_alignment(used) if refine else None
+        if alignment is not None:
+            used = compensated(used, alignment)
+        aligned = time.perf_counter()
+        map_ = self._estimate(weights, used, ensemble, scale, memory_mb, progress)
+        disparity = enlarge(map_.disparity, scale, lf.size).cpu().numpy()
         estimated = time.perf_counter()
-        if error is None:
+        expected = None
+        if map_.error is None:
             confidence = photo_consistency(used, disparity)
         else:
-            confidence = probably_good(enlarge(error, scale, lf.size))
+            expected = enlarge(map_.error, scale, lf.size).cpu().numpy()
+            confidence = Calibration(**weights.metadata.get(CALIBRATION, {})).confidence(expected)
+        judged = time.perf_counter()
+        if refine:
+            disparity = _refined(used, disparity, confidence)
         done = time.perf_counter()
         return Result(
             disparity=disparity,
             confidence=confidence,
-            confidence_means=AGREEMENT if error is None else PROBABILITY,
+            expected_error=expected,
+            confidence_means=AGREEMENT if map_.error is None else PROBABILITY,
             lightfield=used,
             settings={
                 "ensemble": ensemble,
                 "scale": scale,
                 "step": step,
+                "refine": refine,
                 "memory_mb": memory_mb,
                 "device": str(self.device),
-                "range_px": None if bounds is None else [round(scale * b, 2) for b in bounds],
+                "range_px": map_.range_px and [round(scale * b, 2) for b in map_.range_px],
             },
             weights={"file": weights.source} | weights.metadata,
             seconds={
-                "prepare": prepared - start,
-                "network": estimated - prepared,
-                "confidence": done - estimated,
+                "align": aligned - start,
+                "prepare": map_.begun - aligned,
+                "network": estimated - map_.begun,
+                "confidence": judged - estimated,
+                "refine": done - judged,
             },
+            alignment=alignment,
             warnings=_warnings(weights, disparity, confidence, scale),
         )
+
+    def _estimate(
+        self,
+        weights: Weights,
+        lf: LightField,
+        ensemble: bool,
+        scale: int,
+        memory_mb: float,
+        progress: Progress,
+    ) -> _Map:
+        net = weights.net
+        streams = net.config.streams if isinstance(net, Epinet) else 4
+        if ensemble and streams != 4:
+            raise InputError("the ensemble turns streams into each other and needs all four")
+        stacks = torch.from_numpy(lf.stacks(lf.grid[0], streams))
+        seen = shrink(stacks, scale).to(self.device)
+        if isinstance(net, Epinet):
+            if weights.sees_local_contrast:
+                seen = local_contrast(seen)
+            begun = time.perf_counter()
+            disparity = _by_epinet(net, seen, ensemble, memory_mb, progress)
+            return _Map(disparity, None, weights.disparity_range_px, begun)
+        bounds = search_range(lf, scale)
+        begun = time.perf_counter()
+        return _Map(*_by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress), bounds, begun)
 
     def _check(self, lf: LightField, scale: int, step: int, memory_mb: float) -> None:
         name = lf.source or "light field"
@@ -217,6 +265,14 @@ def _by_sweepnet(
 
     disparity, error = _averaged(run, stacks, ensemble, progress)
     return disparity, error
+
+
+def _refined(
+    lf: LightField, disparity: NDArray[np.float32], confidence: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    guide = lf.unit(*lf.centre)
+    images = (torch.from_numpy(np.ascontiguousarray(i)) for i in (disparity, guide, confidence))
+    return refined(*images).numpy()
 
 
 def _averaged(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epinet.errors import InputError
+from epinet.inspect.alignment import Alignment
 from epinet.io import write_pfm
 from epinet.io.atomic import atomic_folder
 from epinet.io.images import write_png
@@ -42,6 +43,8 @@ class Result:
     """(H, W) in 0..1, see `epinet.predict.confidence`."""
     lightfield: LightField
     """The views that were used."""
+    expected_error: NDArray[np.float32] | None = None
+    """(H, W) mean error to expect, px per adjacent view, where the network predicts it."""
     confidence_means: str = AGREEMENT
     """What the confidence says, for people."""
     settings: dict[str, Any] = field(default_factory=dict)
@@ -50,6 +53,8 @@ class Result:
     request: dict[str, Any] = field(default_factory=dict)
     """What was asked for, where a batch asked: the same request need not run again."""
     warnings: tuple[str, ...] = ()
+    alignment: Alignment | None = None
+    """Of the views as they were read, where it was measured; `lightfield` is compensated."""
 
     @property
     def centre_view(self) -> NDArray[np.uint8]:
@@ -94,6 +99,7 @@ class Result:
             },
             "confidence_means": self.confidence_means,
             "median_confidence": float(np.median(self.confidence)),
+            "alignment": None if self.alignment is None else self.alignment.as_dict(),
             "scores": self.scores,
             "scores_border_px": BORDER_PX,
             "notes": list(lf.notes),

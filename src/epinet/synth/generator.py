@@ -59,7 +59,7 @@ def bank(
     return _bank(options.held_out, options.contrast, seed, block, textures, device)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)  # a recipe may mix contrasts
 def _bank(
     held_out: bool,
     contrast: tuple[float, float],

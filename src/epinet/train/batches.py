@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,9 @@ from epinet.model.epinet import MARGIN_PX
 from epinet.predict.batch import find_light_fields
 from epinet.synth.faults import ROUNDING
 from epinet.synth.generator import generator
-from epinet.synth.options import RANGES_PX, Options
 from epinet.train.augment import Augmentation, GrayWeights, Offset, Patch, Scale, gray
 from epinet.train.information import disparity_deviation
-from epinet.train.recipe import Data, Recipe
+from epinet.train.recipe import Recipe
 from epinet.train.sources import Folders, Needs, Rendered, Source
 
 TRIES = 50
@@ -34,8 +34,9 @@ UNTOLD = 0.006
 """Views differ about so much in practice whatever their noise: interpolation, highlights, unequal
 exposure."""
 
-TOLD_PX = 0.03
-"""Pixels whose disparity the views tell to within this standard deviation count half."""
+TOLD_PX = 0.1
+"""Pixels whose disparity the views tell to within this standard deviation, over the window that
+`information` looks at, count half: wider ones tell it better."""
 
 FEWER = (2, 4)
 """Batches that show fewer views show every so many-th on each side of the centre view."""
@@ -53,7 +54,8 @@ class Batch:
     """(B, 1, P, P) px per adjacent view of the stacks."""
     weight: Tensor
     """(B, 1, P, P): 1 where the truth can be told from the views, less where there is little
-    texture to match for the noise, 0 on mirrors and where the truth is unknown."""
+    texture to match for the noise, on mirrors as the recipe says, and 0 where the truth is
+    unknown."""
     every: int = 1
     """The stacks hold every so many-th view on each side of the centre view."""
 
@@ -77,8 +79,31 @@ class Cut:
     whole patches as the paper does: those whose middle is textureless, and those that touch a
     mirror."""
 
+    mirror_weight: float = 0.0
+    """What pixels count that mirror."""
     fewer_views: float = 0.0
     """Share of the batches that show every second or fourth view only, with the same outermost."""
+
+    @classmethod
+    def of(cls, recipe: Recipe) -> Cut:
+        """What a shard of a recipe's batches is made of."""
+        return cls(
+            views=recipe.views,
+            streams=recipe.streams,
+            batch=recipe.batch // recipe.shards,
+            patch_px=recipe.patch_px,
+            local_contrast=recipe.local_contrast,
+            texture_threshold=recipe.texture_threshold,
+            least_weight=recipe.least_weight,
+            mirror_weight=recipe.mirror_weight,
+            fewer_views=recipe.fewer_views,
+        )
+
+    @property
+    def enlarged(self) -> Cut:
+        """A quarter as many patches whose views are twice as wide and high."""
+        patch_px = 2 * self.patch_px + 2 * MARGIN_PX
+        return replace(self, batch=self.batch // 4, patch_px=patch_px)
 
     @property
     def seen_px(self) -> int:
@@ -189,7 +214,7 @@ class Batches:
             centre, noise, other = local_contrast(centre), noise / unit, other / unit
         deviation = disparity_deviation(centre, noise, cut.offsets, other)[..., inner, inner]
         told = 1 / (1 + (deviation / TOLD_PX) ** 2)
-        return told.clamp_min(cut.least_weight) * usable
+        return torch.where(usable, told.clamp_min(cut.least_weight), cut.mirror_weight)
 
     def _stacks(self, patch: Patch) -> Tensor:
         """(S, N, H, W)."""
@@ -233,59 +258,64 @@ def textured(centre: Tensor, threshold: float) -> Tensor:
     return (difference >= threshold).float()
 
 
+@dataclass(frozen=True)
+class InTurn:
+    """Small batches and large ones: step k has the large one wherever k * share passes a whole
+    number."""
+
+    small: Batches
+    large: Batches
+    share: float
+
+    def __call__(self, step: int) -> Batch:
+        is_large = math.floor((step + 1) * self.share) > math.floor(step * self.share)
+        return (self.large if is_large else self.small)(step)
+
+
 def batches_of(
     recipe: Recipe, shards: Sequence[int], *, textures: Path | None = None, device: str = "cpu"
-) -> list[Batches]:
+) -> list[Callable[[int], Batch]]:
     """The batches of some shards of a recipe; scenes on disk are read once for all of them.
 
     Raises:
         InputError: scenes of the recipe that cannot be used.
     """
-    cut = Cut(
-        views=recipe.views,
-        streams=recipe.streams,
-        batch=recipe.batch // recipe.shards,
-        patch_px=recipe.patch_px,
-        local_contrast=recipe.local_contrast,
-        texture_threshold=recipe.texture_threshold,
-        least_weight=recipe.least_weight,
-        fewer_views=recipe.fewer_views,
-    )
+    small = Cut.of(recipe)
+    large = small.enlarged if recipe.large_patches else None
     needs = Needs(recipe.views, recipe.shifted)
-    side = cut.side_px * max(recipe.scales)
+    scale = max(recipe.scales)
 
     problems = Problems()
-    on_disk: dict[Path, Folders] = {}
-    for folder in recipe.folders:
-        with problems.gather():
-            scenes = find_light_fields([folder])
-            on_disk[folder] = Folders(scenes, needs, side_px=side, device=device)
-    problems.raise_any()
-
-    def source(data: Data, shard: int) -> Source:
+    on_disk: list[tuple[Source, float]] = []
+    for data in recipe.data:
         if data.folder is not None:
-            return on_disk[data.folder]
-        assert data.generator is not None
-        return Rendered(
-            Options(disparity_px=RANGES_PX[data.generator]),
-            needs,
-            seed=recipe.seed + SHARD_STRIDE * shard,
-            count=cut.batch,
-            side_px=side,
-            reach=recipe.reach,
-            gray=GrayWeights.name not in recipe.augmentations,
-            textures=textures,
-            device=device,
-        )
+            with problems.gather():
+                scenes = find_light_fields([data.folder])
+                side_px = scale * (large or small).side_px
+                on_disk.append((Folders(scenes, needs, side_px=side_px, device=device), data.share))
+    problems.raise_any()
+    kinds = [(data.rendered(), data.share) for data in recipe.data if data.generator is not None]
 
-    augmentations = recipe.chosen_augmentations()
+    def batches(cut: Cut, shard: int) -> Batches:
+        sources = list(on_disk)
+        if kinds:
+            rendered = Rendered(
+                kinds,
+                needs,
+                seed=recipe.seed + SHARD_STRIDE * shard,
+                count=cut.batch,
+                side_px=cut.side_px * scale,
+                reach=recipe.reach,
+                gray=GrayWeights.name not in recipe.augmentations,
+                textures=textures,
+                device=device,
+            )
+            sources.append((rendered, sum(share for _, share in kinds)))
+        return Batches(cut, sources, recipe.chosen_augmentations(), recipe.seed, shard)
+
     return [
-        Batches(
-            cut,
-            [(source(data, shard), data.share) for data in recipe.data],
-            augmentations,
-            recipe.seed,
-            shard,
-        )
+        InTurn(batches(small, shard), batches(large, shard), recipe.large_patches)
+        if large
+        else batches(small, shard)
         for shard in shards
     ]

@@ -25,7 +25,7 @@ from epinet.io.problems import parsing
 from epinet.model.checkpoint import EPINET, MODELS, SWEEPNET, Network
 from epinet.model.epinet import STREAM_COUNTS, VIEW_COUNTS, Epinet, EpinetConfig
 from epinet.model.sweepnet import SweepNet
-from epinet.synth.options import RANGES_PX
+from epinet.synth.options import RANGES_PX, Options
 from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, ViewShift
 
 SUFFIX = ".yaml"
@@ -44,6 +44,8 @@ class Data(_Model):
 
     generator: Annotated[str, Field(pattern=f"^({'|'.join(RANGES_PX)})$")] | None = None
     """Scenes of this range of disparities, rendered as they are needed."""
+    options: Mapping[str, Any] = {}
+    """What else to change of them, see `epinet.synth.options`."""
     folder: Path | None = None
     """A scene with truth, or a folder of scenes."""
     share: Annotated[float, Field(gt=0)] = 1.0
@@ -53,7 +55,23 @@ class Data(_Model):
     def _one_of_them(self) -> Data:
         if (self.generator is None) == (self.folder is None):
             raise ValueError("give either generator or folder")
+        if self.options:
+            if self.generator is None:
+                raise ValueError("options are the generator's")
+            try:
+                self.rendered()
+            except (InputError, TypeError) as error:
+                raise ValueError(f"options: {error}") from error
         return self
+
+    def rendered(self) -> Options:
+        """Of the scenes to render, but for their size and views."""
+        assert self.generator is not None
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in self.options.items()
+        }
+        return Options(disparity_px=RANGES_PX[self.generator], **values)
 
 
 class Recipe(_Model):
@@ -88,9 +106,13 @@ class Recipe(_Model):
     least_weight: Annotated[float, Field(ge=0, le=1)] | None = None
     """Pixels count by how well the views tell their disparity, at least so much. None: all count
     alike, and textureless patches are rejected whole, as in the paper."""
+    mirror_weight: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """What pixels count that mirror, where all scenes are rendered."""
     patch_px: Annotated[int, Field(ge=1)] = 1
     """Side of the map a patch gives; its views are 22 px larger."""
     batch: Annotated[int, Field(ge=1)] = 16
+    large_patches: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Share of the batches whose views are twice as wide and high, and a quarter as many."""
     fewer_views: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Share of the batches that show SweepNet every second or fourth view only."""
     narrow: Annotated[float, Field(gt=0, le=1)] = 1.0
@@ -142,10 +164,13 @@ class Recipe(_Model):
             raise ValueError(
                 f"augmentations: {', '.join(unknown)} unknown; there are {', '.join(AUGMENTATIONS)}"
             )
+        if self.mirror_weight and (self.least_weight is None or self.disparity_range_px is None):
+            raise ValueError("mirror_weight: takes a least_weight and rendered scenes alone")
         if not any(self.scale_weights):
             raise ValueError("scale_weights: at least one must be greater than 0")
-        if self.batch % self.shards:
-            raise ValueError(f"a batch of {self.batch} cannot be split in {self.shards} shards")
+        fewest = self.batch if not self.large_patches else self.batch / 4
+        if fewest % self.shards:
+            raise ValueError(f"a batch of {fewest:g} cannot be split in {self.shards} shards")
         if self.final_learning_rate > self.learning_rate:
             raise ValueError("final_learning_rate is greater than learning_rate")
         if self.decay == "exponential" and self.final_learning_rate == 0:

@@ -17,7 +17,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import timedelta
 from functools import cached_property
 from pathlib import Path
@@ -31,10 +31,18 @@ from torch.optim.swa_utils import AveragedModel
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, check_writable
-from epinet.model.checkpoint import LOCAL_CONTRAST, Network, Weights, load_weights, save_weights
+from epinet.model.checkpoint import (
+    CALIBRATION,
+    LOCAL_CONTRAST,
+    Network,
+    Weights,
+    load_weights,
+    save_weights,
+)
 from epinet.model.epinet import Epinet
 from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
 from epinet.model.normed import add_norms, calibrate_norms, without_norms
+from epinet.model.sweepnet import SweepNet
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
 from epinet.train.batches import Batch, batches_of
@@ -124,6 +132,8 @@ class Run:
         self.averaged = AveragedModel(self.net, avg_fn=self._average)
         self.optimisers = Optimisers(self.net, recipe)
         self.step, self.seconds = 0, 0.0
+        self.clock = time.monotonic
+        """Of `seconds`; a measurement on a busy machine may count its own CPU time instead."""
         self.best = math.inf
         self.losses: list[float] = []
         self.history: list[dict[str, Any]] = []
@@ -244,14 +254,14 @@ class Run:
         saved = said = time.monotonic()
         begun, seconds_before = self.step, self.seconds
         while self.step < self.recipe.steps:
-            step_begun = time.monotonic()
+            step_begun = self.clock()
             try:
                 self._train_step(interrupted())
             except StoppedError as stop:
                 if stop.resumable:
                     self.save()
                 raise
-            self.seconds += time.monotonic() - step_begun
+            self.seconds += self.clock() - step_begun
             done = self.step == self.recipe.steps
             if self.step % LOG_EVERY == 0:
                 recent = self.losses[-LOG_EVERY:]
@@ -351,6 +361,9 @@ class Run:
         log.write(self.step, entry)
         log.show(self.step, pictures)
         metadata = self.metadata()
+        if isinstance(weights.net, SweepNet):
+            calibration = self.validation.calibration(weights, self.device, bf16=self.recipe.bf16)
+            metadata[CALIBRATION] = asdict(calibration)
         save_weights(self.folder / "weights.safetensors", weights.net, metadata)
         if scores[BEST] < self.best:
             self.best = scores[BEST]

@@ -18,7 +18,7 @@ from epinet.io import read_light_field
 from epinet.io.hci import read_view_truths
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
-from epinet.synth.generator import Pool, pools, star_offsets
+from epinet.synth.generator import Pool, generator, pools, star_offsets
 from epinet.synth.options import Options
 from epinet.train.augment import Offset, Patch, ViewShift
 
@@ -72,7 +72,8 @@ class Rendered:
     Step s takes its patches from the pool in slot s % `SLOTS`; slot after slot gets a new pool.
 
     Args:
-        options: of the scenes; their size is chosen here.
+        kinds: options of the scenes, of each pool one, and how often it is that; their size is
+            chosen here.
         needs: which views and truths.
         seed: of the scenes.
         count: scenes per pool: one for each place of a batch.
@@ -83,7 +84,7 @@ class Rendered:
 
     def __init__(
         self,
-        options: Options,
+        kinds: Sequence[tuple[Options, float]],
         needs: Needs,
         *,
         seed: int,
@@ -95,7 +96,8 @@ class Rendered:
         device: str = "cpu",
     ) -> None:
         side = side_px + CROP_FREEDOM_PX
-        self.options = replace(options, size=(side, side), views=needs.grid)
+        self.kinds = [replace(o, size=(side, side), views=needs.grid) for o, _ in kinds]
+        self._shares = torch.tensor([share for _, share in kinds])
         self.needs, self.seed, self.count = needs, seed, count
         self.reach, self.gray, self.textures, self.device = reach, gray, textures, device
         self._slots: dict[int, tuple[int, Pool]] = {}
@@ -116,9 +118,11 @@ class Rendered:
         if slot not in self._slots or self._slots[slot][0] != k:
             begins = max(0, k // SLOTS * lifetime - phase)
             share = self.reach(begins)
-            low, high = (share * bound for bound in self.options.disparity_px)
+            g = generator(self.seed, 5, k)
+            options = self.kinds[int(torch.multinomial(self._shares, 1, generator=g))]
+            low, high = (share * bound for bound in options.disparity_px)
             made = pools(
-                replace(self.options, disparity_px=(low, high)),
+                replace(options, disparity_px=(low, high)),
                 self.seed,
                 self.count,
                 first=k,

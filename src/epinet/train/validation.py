@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from epinet.errors import InputError
@@ -13,8 +14,10 @@ from epinet.io import read_light_field
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import Weights
+from epinet.predict.confidence import Calibration
 from epinet.predict.estimator import Estimator
 from epinet.predict.pictures import save_preview
+from epinet.predict.result import Result
 from epinet.synth.generator import render_scene
 from epinet.synth.options import Options
 from epinet.synth.validation import VALIDATION_SEED
@@ -88,11 +91,8 @@ class Validation:
         Returns:
             The mean over the scenes.
         """
-        estimator = Estimator(weights, device=str(device))
         each = []
-        for k, (name, lf) in enumerate(self.scenes.items()):
-            with torch.autocast(device.type, dtype=torch.bfloat16, enabled=bf16):
-                result = estimator.predict(lf)
+        for k, (name, result) in enumerate(self._results(weights, device, bf16)):
             if result.scores is None:
                 raise InputError(f"{name}: no pixel with truth inside the border of 15 px")
             each.append(result.scores)
@@ -100,3 +100,24 @@ class Validation:
                 pictures.mkdir(parents=True, exist_ok=True)
                 save_preview(pictures / f"{name}.png", result)
         return {key: sum(scores[key] for scores in each) / len(each) for key in each[0]}
+
+    def calibration(self, weights: Weights, device: torch.device, *, bf16: bool) -> Calibration:
+        """What the errors that SweepNet expects mean, by the true errors on the scenes."""
+        expected, errors = [], []
+        for _, result in self._results(weights, device, bf16):
+            truth, own = result.lightfield.truth, result.expected_error
+            assert truth is not None and own is not None
+            known = np.isfinite(truth)
+            if "invalid" in result.lightfield.masks:
+                known &= ~result.lightfield.masks["invalid"]
+            expected.append(own[known])
+            errors.append(np.abs(result.disparity - truth)[known])
+        return Calibration.fitted(np.concatenate(expected), np.concatenate(errors))
+
+    def _results(
+        self, weights: Weights, device: torch.device, bf16: bool
+    ) -> Iterator[tuple[str, Result]]:
+        estimator = Estimator(weights, device=str(device))
+        for name, lf in self.scenes.items():
+            with torch.autocast(device.type, dtype=torch.bfloat16, enabled=bf16):
+                yield name, estimator.predict(lf)

@@ -1,0 +1,210 @@
+"""A method's disparity maps on disk: ours or anybody's."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.errors import InputError
+from epinet.io import read_pfm
+from epinet.io.problems import Problems, listed, parsing
+
+Size = tuple[int, int]
+"""(height, width) in pixels."""
+
+SUFFIXES = (".pfm", ".npy")
+MAPS_FOLDER, RUNTIMES_FOLDER = "disp_maps", "runtimes"
+"""Where the benchmark's submissions have them."""
+
+_RESULT_MAPS = ("disparity.pfm", "disparity.npy")
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """A scene's map on disk, and how long it took."""
+
+    path: Path
+    seconds: float | None = None
+    """Run time; None if it is not stated."""
+
+    def read(self, size: Size) -> NDArray[np.float32]:
+        """(H, W) in px per adjacent view; not finite where there is no estimate.
+
+        Raises:
+            InputError: it is in colour, of another size, or cannot be read.
+        """
+        map_ = read_pfm(self.path) if self.path.suffix.lower() == ".pfm" else _read_npy(self.path)
+        check_map(map_, size, self.path)
+        return map_
+
+
+def check_map(map_: NDArray[Any], size: Size, path: Path | str) -> None:
+    """Refuse a map in colour or of another size.
+
+    Raises:
+        InputError: naming `path`.
+    """
+    if map_.ndim == 3:
+        raise InputError(f"{path}: in colour (PF); a map has one value a pixel (Pf)")
+    if map_.shape != size:
+        raise InputError(
+            f"{path}: the map is {_size_text(map_.shape)}, it must be {_size_text(size)}, as large "
+            "as the views"
+        )
+
+
+def missing_values(map_: NDArray[Any], path: Path | str) -> list[str]:
+    """What to say of values that are not finite, if there are any."""
+    missing = int(np.sum(~np.isfinite(map_)))
+    if not missing:
+        return []
+    return [f"{path}: {missing} of {map_.size} values are not finite; fill in an estimate"]
+
+
+def find_maps(
+    folder: Path, sizes: Mapping[str, Size], others: Collection[str] = (), *, complete: bool = False
+) -> dict[str, MapFile]:
+    """The map of each scene, each read once to check it.
+
+    Args:
+        folder: holds `<scene>.pfm` or `<scene>.npy` (perhaps in `disp_maps`), or result folders
+            `<scene>` of `epinet predict`, or is such a result folder; run times may stand in
+            `runtimes/<scene>.txt`.
+        sizes: (height, width) in px of the scenes that need a map, by name.
+        others: names of scenes whose maps are passed over.
+        complete: whether every pixel must have an estimate, and every map a run time.
+
+    Raises:
+        InputError: all maps that are missing, ambiguous, of no known scene, of the wrong size or
+            cannot be read.
+    """
+    if not folder.is_dir():
+        what = "a file" if folder.exists() else "no such folder"
+        raise InputError(
+            f"{folder}: {what}; give a folder of maps, a weights file, sweepnet or epinet"
+        )
+    candidates = _candidates(folder)
+    if not candidates:
+        raise InputError(
+            f"{folder}: no maps in it; expected <scene>.pfm, <scene>.npy or folders of results"
+        )
+    problems = Problems()
+    for name, paths in candidates.items():
+        if name not in sizes and name not in others:
+            known = sorted({*sizes, *others})
+            problems.append(f"{paths[0]}: no scene is named {name}; there are {listed(known, 12)}")
+    found = {}
+    for name, size in sizes.items():
+        with problems.gather():
+            found[name] = _map_of(folder, name, candidates.get(name, []))
+            map_ = found[name].read(size)
+            if complete:
+                problems += _incomplete(found[name], map_, name)
+    problems.raise_any()
+    return found
+
+
+def _candidates(folder: Path) -> dict[str, list[Path]]:
+    """Maps by the name of their scene."""
+    results = [folder, *sorted(p for p in folder.iterdir() if p.is_dir())]
+    found: dict[str, list[Path]] = {}
+    for result in results:
+        for path in (result / name for name in _RESULT_MAPS):
+            if path.exists():
+                found.setdefault(result.resolve().name, [path])
+    inner = folder / MAPS_FOLDER
+    for path in sorted((inner if inner.is_dir() else folder).iterdir()):
+        if path.suffix.lower() in SUFFIXES and path.name not in _RESULT_MAPS:
+            found.setdefault(path.stem, []).append(path)
+    return found
+
+
+def _map_of(folder: Path, name: str, paths: list[Path]) -> MapFile:
+    if not paths:
+        raise InputError(
+            f"{folder}: no map of scene {name}; expected {name}.pfm, {name}.npy or "
+            f"{name}/disparity.pfm"
+        )
+    if len(paths) > 1:
+        both = " and ".join(str(path) for path in paths)
+        raise InputError(f"{both}: more than one map of scene {name}; remove one")
+    path = paths[0]
+    stated = folder / RUNTIMES_FOLDER / f"{name}.txt"
+    if stated.exists():
+        with parsing(stated, "text"):
+            return MapFile(path, parse_runtime(stated.read_text(), stated))
+    return result_map(path.parent) if path.name in _RESULT_MAPS else MapFile(path)
+
+
+def _incomplete(file: MapFile, map_: NDArray[Any], name: str) -> list[str]:
+    problems = missing_values(map_, file.path)
+    if file.seconds is None:
+        problems.append(
+            f"{file.path}: no run time is stated; write it in seconds to "
+            f"{RUNTIMES_FOLDER}/{name}.txt in the folder of the maps"
+        )
+    return problems
+
+
+def result_map(folder: Path) -> MapFile:
+    """The map of a result folder of `epinet predict`, with its run time.
+
+    Raises:
+        InputError: its run.json cannot be read, or its map is not per adjacent view.
+    """
+    path = next(folder / name for name in _RESULT_MAPS if (folder / name).exists())
+    record = folder / "run.json"
+    return MapFile(path, _seconds_of_run(record) if record.exists() else None)
+
+
+def parse_runtime(text: str, path: Path | str) -> float:
+    """Seconds in the first line of a text.
+
+    Raises:
+        InputError: it is no positive number.
+    """
+    first = text.partition("\n")[0].strip()
+    try:
+        seconds = float(first)
+    except ValueError:
+        seconds = math.nan
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise InputError(
+            f"{path}: the first line must be the run time in seconds, a number such as 2.5, "
+            f"not {first[:40]!r}"
+        )
+    return seconds
+
+
+def _seconds_of_run(record: Path) -> float:
+    with parsing(record, "the record of a result"):
+        run = json.loads(record.read_text())
+        step, seconds = run["settings"]["step"], math.fsum(run["seconds"].values())
+    if step != 1:
+        raise InputError(
+            f"{record}: predicted with --step {step}: the map is in px per {step} views, the "
+            "truth in px per adjacent view; predict without --step"
+        )
+    return seconds
+
+
+def _read_npy(path: Path) -> NDArray[np.float32]:
+    with parsing(path, "a numpy file"):
+        array: NDArray[Any] = np.load(path, allow_pickle=False)
+        if array.ndim != 2 or array.dtype.kind not in "fiu":
+            raise InputError(
+                f"{path}: a map must be one (H, W) array of numbers, "
+                f"not {array.shape} {array.dtype}"
+            )
+        return array.astype(np.float32)
+
+
+def _size_text(shape: tuple[int, ...]) -> str:
+    return f"{shape[1]}x{shape[0]} px"

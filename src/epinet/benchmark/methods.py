@@ -1,0 +1,215 @@
+"""Which methods are meant, and the maps of those that have to be run first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from epinet.benchmark.evaluate import Method
+from epinet.benchmark.maps import MapFile, find_maps, result_map
+from epinet.benchmark.scenes import (
+    BENCHMARK_SCENES,
+    BENCHMARK_SIDE_PX,
+    Scene,
+    gather_scenes,
+    scene_folders,
+)
+from epinet.errors import InputError
+from epinet.io.problems import Problems
+from epinet.metrics.disparity import BORDER_PX
+from epinet.metrics.metric import Comparison
+from epinet.model.checkpoint import MODELS, shipped_weights
+from epinet.predict.batch import Options, Progress, Reading, predict_all
+from epinet.predict.estimator import Estimator, load_model
+
+WEIGHTS_SUFFIX = ".safetensors"
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a user names as a method."""
+
+    name: str
+    what: str
+    """A folder of maps, or a model: its name, that of shipped weights, or a weights file."""
+
+    @property
+    def is_model(self) -> bool:
+        """Whether it must be run; otherwise its maps are there."""
+        known = {*MODELS, *shipped_weights()}
+        return self.what in known or self.what.endswith(WEIGHTS_SUFFIX)
+
+    def load(self, device: str | None = None) -> Estimator:
+        """The model, ready to predict.
+
+        Raises:
+            InputError: it cannot be used.
+        """
+        if self.what in MODELS:
+            return load_model(model=self.what, device=device)
+        return load_model(self.what, device)
+
+
+def named_targets(texts: Sequence[str]) -> list[Target]:
+    """Methods from `WHAT` or `NAME=WHAT`; without a name, that of the folder, file or model.
+
+    Raises:
+        InputError: two have the same name.
+
+    Example:
+        >>> [target.name for target in named_targets(["sweepnet", "theirs=results/maps"])]
+        ['sweepnet', 'theirs']
+    """
+    targets = []
+    for text in texts:
+        name, equals, what = text.partition("=")
+        if not equals or not name or "/" in name or Path(text).exists():
+            name, what = "", text
+        targets.append(Target(name or _name_of(what), what))
+    names = [target.name for target in targets]
+    clashes = sorted({name for name in names if names.count(name) > 1})
+    if clashes:
+        raise InputError(
+            [
+                f"method {name}: given more than once; tell them apart by NAME=..."
+                for name in clashes
+            ]
+        )
+    return targets
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Scenes and methods, all checked, before any model has run."""
+
+    scenes: tuple[Scene, ...]
+    names: tuple[str, ...]
+    """Of the methods, in the order given."""
+    methods: Mapping[str, Method]
+    """Those whose maps are there."""
+    models: Mapping[str, Estimator]
+    """Those that must be run."""
+
+    def run(self, folder: Path, *, progress: Progress) -> list[Method]:
+        """All methods; models are run into folder/<method>/<scene>, what is done there is kept.
+
+        Raises:
+            InputError: all scenes that a model could not predict.
+        """
+        problems = Problems()
+        methods = dict(self.methods)
+        folders = {scene.name: scene.folder for scene in self.scenes}
+        for name, estimator in self.models.items():
+            with problems.gather():
+                maps = run_model(estimator, folders, folder / name, progress=progress)
+                source = ", ".join(Path(w.source).name for w in estimator.weights)
+                methods[name] = Method(name, f"weights {source}", maps)
+        problems.raise_any()
+        return [methods[name] for name in self.names]
+
+
+def prepare(
+    texts: Sequence[str],
+    data: Path,
+    scene_names: Sequence[str] = (),
+    *,
+    border_px: int = BORDER_PX,
+    device: str | None = None,
+) -> Prepared:
+    """Find and check scenes and methods.
+
+    Args:
+        texts: the methods, see `named_targets`.
+        data: a scene with truth, or a folder of them.
+        scene_names: of the scenes meant; none means all.
+        border_px: will be left out on each side; something must remain.
+        device: to run models on; None takes a GPU where there is one.
+
+    Raises:
+        InputError: all that is wrong with any scene, map or model.
+    """
+    problems = Problems()
+    found: dict[str, list[Path]] = {}
+    with problems.gather():
+        found = scene_folders(data)
+    scenes = gather_scenes(found, scene_names, problems)
+    problems += [
+        f"{scene.folder}: a border of {border_px} px leaves nothing of {scene.size[1]}x"
+        f"{scene.size[0]} px with truth; give a smaller --border"
+        for scene in scenes
+        if not Comparison(scene.truth, scene.truth, border_px=border_px).scored.any()
+    ]
+    methods: dict[str, Method] = {}
+    models: dict[str, Estimator] = {}
+    targets: list[Target] = []
+    with problems.gather():
+        targets = named_targets(texts)
+    for target in targets:
+        with problems.gather():
+            if target.is_model:
+                models[target.name] = target.load(device)
+            elif found:
+                folder = Path(target.what)
+                maps = find_maps(folder, {scene.name: scene.size for scene in scenes}, found)
+                methods[target.name] = Method(target.name, str(folder.resolve()), maps)
+    problems.raise_any()
+    names = tuple(target.name for target in targets)
+    return Prepared(tuple(scenes), names, methods, models)
+
+
+def run_model(
+    estimator: Estimator, folders: Mapping[str, Path], output: Path, *, progress: Progress
+) -> dict[str, MapFile]:
+    """Predict scenes, folders by name, into output/<scene>.
+
+    Raises:
+        InputError: all scenes that could not be predicted.
+    """
+    outcomes = list(
+        predict_all(
+            estimator,
+            list(folders.values()),
+            output,
+            reading=Reading("hci"),
+            options=Options(),
+            progress=progress,
+        )
+    )
+    problems = [problem for outcome in outcomes for problem in outcome.problems]
+    if problems:
+        raise InputError(problems)
+    return {outcome.name: result_map(outcome.folder) for outcome in outcomes}
+
+
+def maps_to_submit(
+    what: str, data: Path | None, folder: Path, *, device: str | None = None, progress: Progress
+) -> dict[str, MapFile]:
+    """Maps of the benchmark's 12 scenes with run times, from a folder or by running a model.
+
+    Args:
+        what: as in `Target`.
+        data: folder of the scenes, for a model.
+        folder: takes a model's results.
+        device: to run a model on; None takes a GPU where there is one.
+        progress: told of the model's work.
+
+    Raises:
+        InputError: all scenes or maps that are missing or cannot be used.
+    """
+    target = Target("submission", what)
+    if not target.is_model:
+        size = (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
+        return find_maps(Path(what), dict.fromkeys(BENCHMARK_SCENES, size), complete=True)
+    if data is None:
+        raise InputError(f"{what}: a model needs the scenes; give their folder as --data")
+    found = scene_folders(data)
+    missing = [f"{data}: scene {name} is missing" for name in BENCHMARK_SCENES if name not in found]
+    if missing:
+        raise InputError(missing)
+    folders = {name: found[name][0] for name in BENCHMARK_SCENES}
+    return run_model(target.load(device), folders, folder, progress=progress)
+
+
+def _name_of(what: str) -> str:
+    return Path(what).stem if what.endswith(WEIGHTS_SUFFIX) else Path(what).resolve().name

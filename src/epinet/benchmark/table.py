@@ -1,0 +1,185 @@
+"""An evaluation as a table for the terminal, as CSV and as JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from epinet import __version__
+from epinet.benchmark.evaluate import Evaluation, Method, Score
+from epinet.metrics.general import RUNTIME
+from epinet.metrics.metric import Metric
+
+COLUMNS = 9
+"""Metrics side by side; more go into a table below."""
+OTHER_TRUTH = "*"
+"""Marks a score whose truth is of another resolution than the benchmark's."""
+ABSENT = "-"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Some metrics' scores as text; each row begins with scene and method."""
+
+    metrics: tuple[Metric, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return "scene", "method", *(metric.name for metric in self.metrics)
+
+
+def score_tables(evaluation: Evaluation) -> list[Table]:
+    """Every score that there is, by scene and method, and the means over scenes."""
+    metrics = [m for m in evaluation.metrics if _any_value(evaluation, m)]
+    chunks = [tuple(metrics[i : i + COLUMNS]) for i in range(0, len(metrics), COLUMNS)]
+    return [Table(chunk, tuple(_rows(evaluation, chunk))) for chunk in chunks]
+
+
+def text_tables(evaluation: Evaluation) -> str:
+    """The tables as lines that are never cut."""
+    tables = [
+        "\n".join(_aligned([t.header, ("", "", *(m.unit for m in t.metrics)), *t.rows]))
+        for t in score_tables(evaluation)
+    ]
+    remark = (
+        f"Border left out: {evaluation.border_px} px. Lower is better. {truths_used(evaluation)}"
+    )
+    return "\n\n".join([*tables, remark])
+
+
+def truths_used(evaluation: Evaluation) -> str:
+    """Which truth the scores stand against, in words."""
+    known = [
+        score
+        for (*_, metric), score in evaluation.scores.items()
+        if score.value is not None and metric != RUNTIME.id
+    ]
+    high = sum(score.truth == "high" for score in known)
+    text = (
+        f"{high} of the {len(known)} scores are against truth of high resolution."
+        if high
+        else "All scores are against truth of low resolution."
+    )
+    if not all(score.official for score in known):
+        text += f" {OTHER_TRUTH}: the benchmark's site takes the high one there."
+    return text
+
+
+def as_csv(evaluation: Evaluation) -> str:
+    """One line a score: method, scene, metric, value, unit, truth, why there is none."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["method", "scene", "metric", "value", "unit", "truth", "border_px", "absent"])
+    units = {metric.id: metric.unit for metric in evaluation.metrics}
+    for (method, scene, metric), score in sorted(evaluation.scores.items()):
+        value = "" if score.value is None else repr(score.value)
+        truth = score.truth or ""
+        border = evaluation.border_px
+        writer.writerow([method, scene, metric, value, units[metric], truth, border, score.absent])
+    return out.getvalue()
+
+
+def as_json(evaluation: Evaluation) -> str:
+    """Everything: the metrics' definitions, the scenes, the methods, their scores and means."""
+    return json.dumps(_document(evaluation), indent=1, allow_nan=False) + "\n"
+
+
+def score_text(value: float | None) -> str:
+    """With at least two decimals, and three digits of a small value.
+
+    >>> score_text(12.345), score_text(0.00712), score_text(None)
+    ('12.35', '0.00712', '-')
+    """
+    if value is None:
+        return ABSENT
+    if value == 0 or abs(value) >= 1:
+        return f"{value:.2f}"
+    return f"{value:.3f}" if abs(value) >= 0.01 else f"{value:.5f}"
+
+
+def _any_value(evaluation: Evaluation, metric: Metric) -> bool:
+    return any(
+        score.value is not None
+        for (*_, id_), score in evaluation.scores.items()
+        if id_ == metric.id
+    )
+
+
+def _rows(evaluation: Evaluation, metrics: Sequence[Metric]) -> list[tuple[str, ...]]:
+    """Scenes that have none of the metrics are left out."""
+    rows: list[tuple[str, ...]] = []
+    for scene in evaluation.scenes:
+        for method in evaluation.methods:
+            scores = [evaluation.scores[method.name, scene.name, m.id] for m in metrics]
+            if any(score.value is not None for score in scores):
+                rows.append((scene.name, method.name, *map(_marked, scores)))
+    if len({scene for scene, *_ in rows}) > 1:
+        for method in evaluation.methods:
+            means = [evaluation.mean(method, metric)[0] for metric in metrics]
+            rows.append(("mean", method.name, *map(score_text, means)))
+    return rows
+
+
+def _marked(score: Score) -> str:
+    mark = "" if score.official or score.value is None else OTHER_TRUTH
+    return score_text(score.value) + mark
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines: names to the left, figures to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.ljust(width) if i < 2 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def _document(evaluation: Evaluation) -> dict[str, Any]:
+    scores: dict[str, dict[str, dict[str, Any]]] = {}
+    for (method, scene, metric), score in evaluation.scores.items():
+        entry: dict[str, Any] = {"value": score.value}
+        if score.value is None:
+            entry["absent"] = score.absent
+        elif metric != RUNTIME.id:
+            entry |= {"truth": score.truth, "truth_as_on_the_site": score.official}
+        scores.setdefault(method, {}).setdefault(scene, {})[metric] = entry
+    return {
+        "epinet": __version__,
+        "border_px": evaluation.border_px,
+        "metrics": {m.id: _metric(m) for m in evaluation.metrics},
+        "scenes": {
+            scene.name: {
+                "folder": str(scene.folder.resolve()),
+                "size_px": {"height": scene.size[0], "width": scene.size[1]},
+            }
+            for scene in evaluation.scenes
+        },
+        "methods": {method.name: method.source for method in evaluation.methods},
+        "scores": scores,
+        "means": {method.name: _means(evaluation, method) for method in evaluation.methods},
+    }
+
+
+def _means(evaluation: Evaluation, method: Method) -> dict[str, dict[str, float | None]]:
+    means = {metric.id: evaluation.mean(method, metric) for metric in evaluation.metrics}
+    return {id_: {"value": mean, "scenes": count} for id_, (mean, count) in means.items() if count}
+
+
+def _metric(metric: Metric) -> dict[str, Any]:
+    return {
+        "name": metric.name,
+        "unit": metric.unit,
+        "definition": metric.definition,
+        "source": metric.source,
+        "masks": list(metric.masks),
+    }

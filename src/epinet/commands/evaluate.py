@@ -1,0 +1,76 @@
+"""`epinet evaluate`: score methods against truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated
+
+import typer
+
+from epinet.commands.common import DeviceOption
+from epinet.progress import progress
+
+
+def evaluate(
+    methods: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MAPS_OR_MODEL...",
+            help="What to score: a folder of maps (SCENE.pfm, SCENE.npy, or results of epinet "
+            "predict), or sweepnet, epinet or a weights file, which is run first. NAME=... names "
+            "it in the report.",
+        ),
+    ],
+    data: Annotated[
+        Path,
+        typer.Option(
+            help="Scenes with truth, in the benchmark's layout: a folder of them, or one."
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Folder for report.html, scores.csv and scores.json, and for a model's maps.",
+        ),
+    ] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option(help="Score only this scene. May be given again.")
+    ] = None,
+    border: Annotated[int, typer.Option(min=0, help="Border left out, in px.")] = 15,
+    badpix: Annotated[
+        list[float] | None,
+        typer.Option(help="Threshold of BadPix in px; default: .07, .03 and .01. Again for more."),
+    ] = None,
+    device: DeviceOption = None,
+) -> None:
+    """Score disparity maps against truth by every metric of the HCI benchmark."""
+    from epinet.allocator import keep_freed_memory
+    from epinet.benchmark.evaluate import evaluate as score_all
+    from epinet.benchmark.methods import prepare
+    from epinet.benchmark.report import write_report
+    from epinet.benchmark.table import text_tables
+    from epinet.io.atomic import check_writable
+    from epinet.io.problems import Problems
+    from epinet.metrics.catalogue import benchmark_metrics
+    from epinet.metrics.disparity import BADPIX_THRESHOLDS_PX
+
+    keep_freed_memory()
+    problems = Problems()
+    with problems.gather():
+        metrics = benchmark_metrics(badpix or BADPIX_THRESHOLDS_PX)
+    with problems.gather():
+        prepared = prepare(methods, data, scene or (), border_px=border, device=device)
+    problems.raise_any()
+    if output is not None:
+        check_writable(output)
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary) if output is None else output / "maps"
+        found = prepared.run(folder, progress=progress)
+        with progress("scores") as advance:
+            scored = score_all(found, prepared.scenes, metrics, border_px=border, advance=advance)
+    print(text_tables(scored))
+    if output is not None:
+        print(f"-> {write_report(scored, output)}")

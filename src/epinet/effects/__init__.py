@@ -1,0 +1,1 @@
+"""Pictures made from the views and their disparity: refocused, faded, moving."""

@@ -1,0 +1,1 @@
+"""From a disparity map and a camera to depth in mm, point clouds and meshes."""

@@ -1,0 +1,30 @@
+"""Colours: from the sensor's to sRGB, by the camera's own metadata."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.raw.bayer import Image
+from epinet.raw.metadata import Frame
+
+
+def balance(image: Image, frame: Frame, pattern: NDArray[np.intp]) -> None:
+    """Apply the white balance to a mosaic (H, W), in place."""
+    for y in (0, 1):
+        for x in (0, 1):
+            image[y::2, x::2] *= np.float32(frame.gains[pattern[y, x]])
+
+
+def to_srgb(rgb: Image, frame: Frame) -> NDArray[np.uint16]:
+    """16-bit sRGB from balanced linear colours (..., 3) of the camera.
+
+    What is brighter than white is cut off before the matrix, so that blown highlights stay white.
+    """
+    exposed = np.clip(rgb, 0, 1) * np.float32(2.0**frame.exposure_bias)
+    matrix = np.array(frame.matrix, np.float32).reshape(3, 3)
+    linear = np.clip(exposed @ matrix.T, 0, 1)
+    encoded = np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** np.float32(1 / 2.4) - 0.055
+    )
+    return np.round(encoded * 65535).astype(np.uint16)

@@ -1,0 +1,237 @@
+"""Scoring maps on disk: which truth and which masks are used, and what is absent."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from epinet.benchmark.evaluate import enlarge
+from epinet.benchmark.maps import find_maps
+from epinet.benchmark.methods import named_targets
+from epinet.benchmark.scenes import find_scenes
+from epinet.errors import InputError
+from epinet.io import read_light_field, write_light_field, write_pfm
+from epinet.metrics.disparity import score
+from epinet.synth.generator import render_scene
+from epinet.synth.options import Options
+
+SIZE = (40, 48)
+RNG = np.random.default_rng(0)
+MAP = RNG.normal(size=SIZE).astype(np.float32)
+
+
+def left(scale=1):
+    mask = np.zeros(SIZE, bool)
+    mask[:, :24] = True
+    return mask.repeat(scale, 0).repeat(scale, 1)
+
+
+def test_scores_are_those_of_the_function_that_everything_else_uses(add_scene, evaluated):
+    truth = MAP + RNG.normal(0, 0.05, SIZE).astype(np.float32)
+    add_scene("a", truth)
+    found = evaluated({"ours": {"a": MAP}}, {"ours": 2.5})
+    for id_, value in score(MAP, truth).items():
+        assert found.scores["ours", "a", id_].value == pytest.approx(value)
+    assert found.scores["ours", "a", "runtime"].value == 2.5
+
+
+def test_the_border_can_be_chosen(add_scene, evaluated):
+    add_scene("a")
+    map_ = np.zeros(SIZE)
+    map_[:5] = 1
+    found = evaluated({"m": {"a": map_}}, border_px=4)
+    assert found.scores["m", "a", "badpix_0.07"].value == pytest.approx(100 / 32)
+
+
+def test_high_resolution_truth_is_used_where_the_site_uses_it(add_scene, evaluated):
+    """Within each block of 2x2 the high truth differs to the right."""
+    high = enlarge(MAP, 2)
+    high[:, 1::2] += 1
+    for name in ("stripes", "boxes", "dots"):
+        add_scene(name, MAP, high=None if name == "dots" else high)
+    found = evaluated({"m": dict.fromkeys(("stripes", "boxes", "dots"), MAP)})
+    of = {name: found.scores["m", name, "badpix_0.07"] for name in ("stripes", "boxes", "dots")}
+    assert (of["stripes"].value, of["stripes"].truth, of["stripes"].official) == (50, "high", True)
+    assert (of["boxes"].value, of["boxes"].truth, of["boxes"].official) == (0, "low", True)
+    assert (of["dots"].value, of["dots"].truth, of["dots"].official) == (0, "low", False)
+
+
+def test_maps_are_enlarged_by_nearest_neighbour(add_scene, evaluated):
+    add_scene("dots", MAP, high=MAP.repeat(10, 0).repeat(10, 1))
+    found = evaluated({"m": {"dots": MAP}})
+    assert found.scores["m", "dots", "mse_x100"].value == 0
+    assert found.scores["m", "dots", "mse_x100"].truth == "high"
+
+
+def test_masks_decide_what_is_scored_and_against_what(add_scene, evaluated):
+    high = enlarge(MAP, 2)
+    high[:, 1::2] += 1
+    add_scene("both", MAP, high=high, masks={"mask_discontinuities_highres": left(2)})
+    add_scene("low", MAP, high=high, masks={"mask_discontinuities_lowres": left()})
+    add_scene("none", MAP, high=high)
+    found = evaluated({"m": dict.fromkeys(("both", "low", "none"), MAP)})
+    both, low, none = (
+        found.scores["m", name, "discontinuities"] for name in ("both", "low", "none")
+    )
+    assert (both.value, both.truth, both.official) == (50, "high", True)
+    assert (low.value, low.truth, low.official) == (0, "low", False)
+    assert none.value is None
+    assert none.absent == "no mask_discontinuities_lowres.png"
+    metric = next(m for m in found.metrics if m.id == "discontinuities")
+    assert found.mean(found.methods[0], metric) == (25, 2)
+
+
+def test_metrics_of_one_scene_stay_there(add_scene, evaluated):
+    """`background` is a mask of backgammon too, which has no background MSE."""
+    for name in ("dots", "backgammon"):
+        add_scene(name, MAP, masks={"mask_background_lowres": left()})
+    found = evaluated({"m": dict.fromkeys(("dots", "backgammon"), MAP + 0.1)})
+    assert found.scores["m", "dots", "dots_background_mse_x100"].value == pytest.approx(1, rel=1e-3)
+    other = found.scores["m", "backgammon", "dots_background_mse_x100"]
+    assert (other.value, other.absent) == (None, "only for the scene dots")
+
+
+def test_numbered_masks_are_read_as_numbers(add_scene, evaluated):
+    boxes = np.where(left(), 1, 2)
+    sizes = np.zeros(SIZE)
+    sizes[4:6, 4:6] = sizes[4:6, 30:32] = 3
+    numbered = {"mask_boxes_lowres": boxes, "mask_dots_by_size_lowres": sizes}
+    add_scene("dots", MAP, numbered=numbered)
+    map_ = MAP.copy()
+    map_[4:6, 4:6] += 1
+    assert evaluated({"m": {"dots": map_}}).scores["m", "dots", "dots_missed"].value == 50
+
+
+def test_scenes_of_synth_are_scored_by_part(tmp_path, evaluated):
+    lf = render_scene(Options(size=(64, 64)), seed=1, index=0, star_only=True)
+    write_light_field(tmp_path / "data" / "s", lf, "hci")
+    lf = read_light_field(tmp_path / "data" / "s")
+    found = evaluated({"m": {"s": lf.truth + 0.1}})
+    parts = {
+        "planes": "badpix_planes",
+        "smooth_surfaces": "badpix_smooth_surfaces",
+        "occluded": "badpix_occluded",
+        "discontinuities": "discontinuities",
+    }
+    inside = np.zeros(lf.size, bool)
+    inside[15:-15, 15:-15] = True
+    for mask, id_ in parts.items():
+        expected = 100 if (lf.masks[mask] & inside).any() else None
+        assert found.scores["m", "s", id_].value == expected
+    assert found.scores["m", "s", "normal_angle_planes"].value is not None
+
+
+def test_scenes_are_found_alone_together_and_in_categories(tmp_path, add_scene):
+    folder = add_scene("training/boxes")
+    add_scene("antinous")
+    data = tmp_path / "data"
+    assert [scene.name for scene in find_scenes(data)] == ["antinous", "boxes"]
+    assert [scene.name for scene in find_scenes(data, ["boxes"])] == ["boxes"]
+    assert [scene.name for scene in find_scenes(folder)] == ["boxes"]
+
+
+def test_everything_wrong_with_scenes_is_told_at_once(tmp_path, add_scene):
+    add_scene("nan", np.full(SIZE, np.nan))
+    (add_scene("bare") / "gt_disp_lowres.pfm").unlink()
+    add_scene("odd", high=np.zeros((81, 96)))
+    add_scene("x/twin")
+    add_scene("y/twin")
+    with pytest.raises(InputError) as caught:
+        find_scenes(tmp_path / "data")
+    text = str(caught.value)
+    for problem in (
+        r"nan/gt_disp_lowres.pfm: truth is NaN at every pixel",
+        r"bare: no truth",
+        r"odd/gt_disp_highres.pfm: 96x81 px",
+        r"x/twin and",
+    ):
+        assert problem in text
+    assert len(caught.value.problems) == 4
+    with pytest.raises(InputError, match="scene boxes: not there; there are bare"):
+        find_scenes(tmp_path / "data", ["boxes"])
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no scene in it"):
+        find_scenes(tmp_path / "empty")
+
+
+def test_masks_of_another_size_are_told(add_scene, evaluated):
+    add_scene("a", masks={"mask_planes_lowres": left(2)})
+    with pytest.raises(InputError, match=r"mask_planes_lowres\.png: the mask is 96x80 px"):
+        evaluated({"m": {"a": MAP}})
+
+
+def write_result(folder: Path, step: int = 1) -> None:
+    write_pfm(folder / "disparity.pfm", MAP)
+    np.save(folder / "disparity.npy", MAP)
+    run = {"settings": {"step": step}, "seconds": {"prepare": 0.5, "network": 1.0}}
+    (folder / "run.json").write_text(json.dumps(run))
+
+
+def test_maps_of_every_form_are_found(tmp_path):
+    forms = {name: tmp_path / name for name in ("pfm", "npy", "results", "submission")}
+    write_pfm(forms["pfm"] / "a.pfm", MAP)
+    forms["npy"].mkdir()
+    np.save(forms["npy"] / "a.npy", MAP)
+    write_result(forms["results"] / "a")
+    write_pfm(forms["submission"] / "disp_maps" / "a.pfm", MAP)
+    (forms["submission"] / "runtimes").mkdir()
+    (forms["submission"] / "runtimes" / "a.txt").write_text("1.5\nseconds\n")
+    forms["one result"] = forms["results"] / "a"
+    for name, folder in forms.items():
+        file = find_maps(folder, {"a": SIZE})["a"]
+        np.testing.assert_array_equal(file.read(SIZE), MAP)
+        assert file.seconds == (None if name in ("pfm", "npy") else 1.5)
+
+
+def test_everything_wrong_with_maps_is_told_at_once(tmp_path):
+    write_pfm(tmp_path / "small.pfm", MAP[2:])
+    write_pfm(tmp_path / "colour.pfm", np.zeros((*SIZE, 3)))
+    write_pfm(tmp_path / "stranger.pfm", MAP)
+    write_pfm(tmp_path / "twice.pfm", MAP)
+    np.save(tmp_path / "twice.npy", MAP)
+    np.save(tmp_path / "complex.npy", MAP * 1j)
+    write_result(tmp_path / "step", step=2)
+    write_pfm(tmp_path / "slow.pfm", MAP)
+    (tmp_path / "runtimes").mkdir()
+    (tmp_path / "runtimes" / "slow.txt").write_text("ages")
+    names = ("small", "colour", "twice", "complex", "step", "slow", "none")
+    with pytest.raises(InputError) as caught:
+        find_maps(tmp_path, dict.fromkeys(names, SIZE), others=["other"])
+    text = str(caught.value)
+    for problem in (
+        "small.pfm: the map is 48x38 px, it must be 48x40 px",
+        "colour.pfm: in colour",
+        "stranger.pfm: no scene is named stranger",
+        "more than one map of scene twice",
+        "complex.npy: a map must be one (H, W) array of numbers",
+        "run.json: predicted with --step 2",
+        "slow.txt: the first line must be the run time",
+        "no map of scene none",
+    ):
+        assert problem in text
+    assert len(caught.value.problems) == 8
+
+
+def test_a_folder_without_maps_is_told(tmp_path):
+    with pytest.raises(InputError, match="no maps in it"):
+        find_maps(tmp_path, {"a": SIZE})
+    with pytest.raises(InputError, match="no such folder"):
+        find_maps(tmp_path / "none", {"a": SIZE})
+
+
+def test_methods_are_named_by_hand_or_by_what_they_are():
+    texts = ["sweepnet", "runs/big.safetensors", "theirs=results/maps", "out/x=y/maps"]
+    names = [target.name for target in named_targets(texts)]
+    assert names == ["sweepnet", "big", "theirs", "maps"]
+    models = [target.is_model for target in named_targets(texts)]
+    assert models == [True, True, False, False]
+    with pytest.raises(InputError, match="method maps: given more than once"):
+        named_targets(["a/maps", "b/maps"])
+
+
+def test_a_scene_of_the_benchmark_is_read(real):
+    (scene,) = find_scenes(real / "antinous")
+    lf = read_light_field(real / "antinous")
+    np.testing.assert_array_equal(scene.centre_view(), lf.views[4, 4])
+    np.testing.assert_array_equal(scene.truth, lf.truth)
