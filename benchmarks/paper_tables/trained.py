@@ -1,0 +1,234 @@
+"""Tables from trainings: streams (table 1, figure 3), views and augmentations (table 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import torch
+from matplotlib.figure import Figure
+
+from benchmarks.paper_tables import published
+from benchmarks.paper_tables.published import BAD, MSE
+from benchmarks.paper_tables.saved import saved_run
+from benchmarks.paper_tables.tables import Row, Spread, Table
+from epinet.io.atomic import atomic_path
+from epinet.synth.dataset import write_dataset
+from epinet.synth.generator import VERSION
+from epinet.synth.options import RANGES_PX, Options
+from epinet.train.recipe import Recipe, load_recipe
+from epinet.train.run import Run
+from epinet.train.validation import Validation
+
+STUDIED = ("views", "streams", "augmentations", "scale_weights")
+"""What the tables vary: in every budget this is the paper recipe's."""
+
+LABELS = {
+    "paper-1-stream": "1 stream",
+    "paper-2-streams": "2 streams",
+    "paper-3x3": "3x3",
+    "paper-5x5": "5x5",
+    "paper-7x7": "7x7, all augmentations",
+    "paper-9x9": "9x9",
+    "paper-7x7-colour": "7x7, colour alone",
+    "paper-7x7-view-shift": "7x7, colour and view shift",
+    "paper-7x7-rotation": "7x7, colour and rotation",
+    "paper-7x7-scale": "7x7, colour and scaling",
+}
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much a run is given."""
+
+    about: str
+    steps: int
+    seeds: int
+    base: str | None
+    """Recipe whose optimisation is used; None: the paper's own."""
+    changes: dict[str, Any] = field(default_factory=dict)
+    scenes: int | None = None
+    """Scenes rendered once to train on; None: new ones all the time, as the recipe says."""
+    side_px: int = 512
+    validation_scenes: int = 16
+    wide_scenes: int = 50
+
+
+BUDGETS = {
+    "minutes": Budget(
+        "It shows that the machinery works: next to nothing is learned in so few steps, and what "
+        "is decided is who starts faster.",
+        steps=30,
+        seeds=2,
+        base="fast-9x9",
+        changes={
+            "local_contrast": False,  # needs larger scenes than these
+            "batch": 8,
+            "patch_px": 6,
+            "warmup_steps": 3,
+            "validate_every": 10,
+        },
+        scenes=8,
+        side_px=128,
+        validation_scenes=4,
+        wide_scenes=4,
+    ),
+    "hours": Budget(
+        "Meant for a night on a GPU.",
+        steps=3000,
+        seeds=2,
+        base="fast-9x9",
+        changes={"validate_every": 300},
+    ),
+    "days": Budget(
+        "The paper's own optimisation; meant for days on GPUs.",
+        steps=1_000_000,
+        seeds=3,
+        base=None,
+        changes={"validate_every": 20_000},
+    ),
+}
+
+
+def recipe_for(name: str, seed: int, budget: Budget, data: Path | None = None) -> Recipe:
+    """A recipe of the paper's tables at a budget; what the tables study stays the paper's."""
+    paper = load_recipe(name)
+    changes: dict[str, Any] = {"name": name, "seed": seed, "steps": budget.steps} | budget.changes
+    if data is not None:
+        changes["data"] = [{"folder": str(data)}]
+    if budget.base is None:
+        return load_recipe(name, changes)
+    studied = {key: paper.as_dict()[key] for key in STUDIED}
+    return load_recipe(budget.base, studied | changes)
+
+
+def settings_of(recipe: Recipe, budget: Budget) -> dict[str, Any]:
+    """All that decides what a run gives."""
+    scenes = {"scenes": budget.scenes, "validation_scenes": budget.validation_scenes}
+    return recipe.as_dict() | scenes | {"generator": VERSION}
+
+
+@dataclass(frozen=True)
+class Trainings:
+    """The trainings of one budget: their folders in `runs`, what they gave in `results`."""
+
+    budget: Budget
+    results: Path
+    runs: Path
+    machine: str
+
+    def reports(self, name: str) -> list[Any]:
+        """What the runs of a recipe gave, seed by seed; those not saved yet are run."""
+        return [self._report(name, seed) for seed in range(1, self.budget.seeds + 1)]
+
+    def _report(self, name: str, seed: int) -> Any:
+        budget = self.budget
+        settings = settings_of(recipe_for(name, seed, budget), budget)
+        file = self.results / f"{name}_seed{seed}.json"
+        return saved_run(file, settings, lambda: self._run(name, seed))
+
+    def _run(self, name: str, seed: int) -> dict[str, Any]:
+        recipe = recipe_for(name, seed, self.budget, self._data)
+        run = Run(recipe, self.runs / f"{name}_seed{seed}", validation=self._validation)
+        run.train()
+        return {
+            "history": run.history,
+            "scores": run.history[-1]["scores"],
+            "minutes": round(run.seconds / 60, 2),
+            "machine": self.machine,
+            "threads": torch.get_num_threads(),
+        }
+
+    @cached_property
+    def _data(self) -> Path | None:
+        """Scenes to train on, with the truths that view shift needs."""
+        if self.budget.scenes is None:
+            return None
+        folder, options = self.runs / "scenes", Options(size=(self.budget.side_px,) * 2)
+        write_dataset(folder, options, 1, self.budget.scenes, truths=True, existing="resume")
+        return folder
+
+    @cached_property
+    def _validation(self) -> Validation:
+        """Of 9x9 views, so that all runs are judged by the same scenes."""
+        return Validation.rendered(9, RANGES_PX["hci"], self.budget.validation_scenes)
+
+
+def streams(trainings: Trainings) -> Table:
+    """Table 1; also draws figure 3 beside the runs."""
+    reports = {name: trainings.reports(name) for name in published.STREAMS}
+    _draw_curves(trainings.results / "streams.png", reports)
+    title = "Table 1: streams, at equal parameters"
+    return _table(title, trainings, reports, published.STREAMS, {"paper-9x9": "4 streams"})
+
+
+def views(trainings: Trainings) -> Table:
+    """Table 2."""
+    reports = {name: trainings.reports(name) for name in published.VIEWS}
+    return _table("Table 2: views and augmentations", trainings, reports, published.VIEWS, {})
+
+
+def _table(
+    title: str,
+    trainings: Trainings,
+    reports: dict[str, list[Any]],
+    paper: dict[str, dict[str, float]],
+    labels: dict[str, str],
+) -> Table:
+    labels = LABELS | labels
+    reference = "paper-7x7" if "paper-7x7" in reports else "paper-9x9"
+    rows = [
+        Row(
+            labels[name],
+            {key: [run["scores"][key] for run in runs] for key in (BAD, MSE)},
+            paper[name],
+            labels[reference] if name != reference else "",
+        )
+        for name, runs in reports.items()
+    ]
+    minutes = sum(run["minutes"] for runs in reports.values() for run in runs)
+    metrics = {BAD: "BadPix(.07)", MSE: "MSE x100"}
+    return Table(
+        title,
+        f"{_scale(trainings)} {minutes:.0f} minutes of wall time in all.",
+        metrics,
+        Spread.SEEDS,
+        rows,
+    )
+
+
+def _scale(trainings: Trainings) -> str:
+    """The scale of the runs, in sentences."""
+    budget = trainings.budget
+    recipe = recipe_for("paper-9x9", 1, budget)
+    scenes = "new rendered scenes all the time"
+    if budget.scenes is not None:
+        scenes = f"{budget.scenes} rendered scenes of {budget.side_px}x{budget.side_px} px"
+    optimisation = "the paper's" if budget.base is None else f"that of {budget.base}"
+    return (
+        f"{budget.steps} steps of {recipe.batch} patches of {recipe.patch_px}x{recipe.patch_px} px "
+        f"on {scenes}, {budget.seeds} seeds, optimisation: {optimisation}; judged by "
+        f"{budget.validation_scenes} rendered scenes of held-out kinds; {trainings.machine}. "
+        f"{budget.about} The paper trained for 5 to 6 days on a GPU and tested on the benchmark."
+    )
+
+
+def _draw_curves(path: Path, reports: dict[str, list[Any]]) -> None:
+    """Figure 3: the test error during training, with the range over the seeds."""
+    figure = Figure(figsize=(6, 4), layout="constrained", dpi=110)
+    axes = figure.subplots()
+    for name, runs in reports.items():
+        steps = [entry["step"] for entry in runs[0]["history"]]
+        errors = [[entry["scores"][BAD] for entry in run["history"]] for run in runs]
+        low, high = ([bound(at) for at in zip(*errors, strict=True)] for bound in (min, max))
+        label = "4 streams" if name == "paper-9x9" else LABELS[name]
+        mean = [sum(at) / len(at) for at in zip(*errors, strict=True)]
+        (line,) = axes.plot(steps, mean, marker=".", label=label)
+        axes.fill_between(steps, low, high, color=line.get_color(), alpha=0.2)
+    axes.set_xlabel("steps")
+    axes.set_ylabel("BadPix(.07), %")
+    axes.legend(title="mean and range of the seeds")
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, format="png")

@@ -1,0 +1,38 @@
+"""The methods that run in this Python, by name: from a light field to a map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+import epinet
+from benchmarks.peers import plane_sweep, structure_tensor
+from epinet.lightfield import LightField
+from epinet.predict.estimator import search_range
+
+KERAS = "Keras EPINET"
+OURS = {"SweepNet": "sweepnet", "EPINET": "epinet"}
+CLASSICAL = {
+    "structure tensor": structure_tensor.estimate,
+    "plane sweep": plane_sweep.estimate,
+}
+METHODS = (*CLASSICAL, KERAS, *OURS)
+
+
+def estimator(method: str) -> Callable[[LightField], NDArray[np.float32]]:
+    """A method that is ready to run; its weights are loaded."""
+    if method in OURS:
+        model = epinet.load_model(model=OURS[method], device="cpu")
+        return lambda lf: model.predict(lf).disparity
+    estimate = CLASSICAL[method]
+    return lambda lf: estimate(lf, disparity_range(lf))
+
+
+def disparity_range(lf: LightField) -> tuple[float, float]:
+    """What parameters.cfg states, as the benchmark gives it to everyone; else what views show."""
+    camera = lf.camera
+    if camera and camera.disparity_min_px is not None and camera.disparity_max_px is not None:
+        return camera.disparity_min_px, camera.disparity_max_px
+    return search_range(lf)
