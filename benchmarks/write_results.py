@@ -158,14 +158,14 @@ def curves() -> Iterator[str]:
     yield "## The paper's recipe and ours"
     yield (
         f"`python benchmarks/training_curves.py`: the same {report['scenes']} rendered scenes, the "
-        f"same time, {report['machine']}, {report['threads']} thread(s), float32 for the paper's, "
-        "bf16 for ours; validated on small rendered scenes of held-out kinds."
+        f"same CPU time, {report['machine']}, float32 for the paper's, bf16 for ours; validated on "
+        "small rendered scenes of held-out kinds."
     )
     rows = [["best constant map", "-", "-", *scored(constant)]]
     for name, run in report["runs"].items():
         last = run["history"][-1]
         rows.append([name, str(last["step"]), f"{last['minutes']:.1f}", *scored(last["scores"])])
-    yield table(["recipe", "steps", "minutes", *SCORES], rows)
+    yield table(["recipe", "steps", "CPU minutes", *SCORES], rows)
     paper = report["runs"]["paper-9x9"]["history"][-1]["scores"]["mse_x100"]
     reached = "has halved" if paper <= constant["mse_x100"] / 2 else "has not halved"
     yield f"In this time the paper's recipe {reached} the MSE of a constant map."
