@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import epinet
 from benchmarks.paper_tables import published
 from benchmarks.paper_tables.published import BAD, MSE
-from benchmarks.paper_tables.saved import saved_run
+from benchmarks.paper_tables.saved import machines, saved_run
 from benchmarks.paper_tables.tables import Row, Spread, Table
 from epinet.angular import star_positions
 from epinet.errors import InputError
@@ -39,13 +39,15 @@ def ensemble(results: Path, paths: list[Path], machine: str) -> Table:
     """Epinet-fcn and Epinet-fcn-m: the mean over eight flips and rotations, off and on."""
     scenes = find_light_fields(paths)
     models = {"EPINET 7x7": "epinet_7x7", "SweepNet": "sweepnet"}
-    rows = []
+    rows: list[Row] = []
+    reports: list[dict[str, Any]] = []
     for model, weights in models.items():
         for together in (False, True):
             runs = [
                 _scored(results / "ensemble", scene, weights, machine, ensemble=together)
                 for scene in scenes
             ]
+            reports += runs
             name = model + ENSEMBLE * together
             ours = {key: [r["scores"][key] for r in runs] for key in (BAD, MSE)}
             ours["cpu_s"] = [r["cpu_s"] for r in runs]
@@ -54,7 +56,7 @@ def ensemble(results: Path, paths: list[Path], machine: str) -> Table:
     names = ", ".join(scene.name for scene in scenes)
     return Table(
         "The ensemble",
-        f"Shipped weights on {len(scenes)} scenes with truth ({names}), {machine}; the paper's "
+        f"Shipped weights on {len(scenes)} scenes with truth ({names}), {machines(reports)}; the paper's "
         "figures are means of the benchmark's twelve scenes.",
         {BAD: "BadPix(.07)", MSE: "MSE x100", "cpu_s": "CPU s"},
         Spread.SCENES,
@@ -70,9 +72,11 @@ def wide(results: Path, runs: Path, count: int, machine: str) -> Table:
         runs / set_, options, WIDE_SEED, count, star_only=True, existing="resume"
     )
     models = {"SweepNet": ("sweepnet", 1), "EPINET": ("epinet_9x9", WIDE_SCALE)}
-    rows = []
+    rows: list[Row] = []
+    reports: list[dict[str, Any]] = []
     for name, (weights, scale) in models.items():
         runs = [_scored(results / set_, scene, weights, machine, scale=scale) for scene in scenes]
+        reports += runs
         ours = {
             "rmse_px": [math.sqrt(r["scores"][MSE] / 100) for r in runs],
             "mae_px": [r["scores"]["mae_px"] for r in runs],
@@ -84,7 +88,7 @@ def wide(results: Path, runs: Path, count: int, machine: str) -> Table:
         "Table 3: the wide-baseline set",
         f"{count} light fields of {width}x{height} px, -25..5 px, rendered by `epinet synth "
         f"--range wide --seed {WIDE_SEED}`, since the original set is not to be had; shipped "
-        f"weights, {machine}. SweepNet measures the range and searches it on smaller pictures "
+        f"weights, {machines(reports)}. SweepNet measures the range and searches it on smaller pictures "
         f"first; EPINET sees the views at 1/{WIDE_SCALE} of their size (`--scale {WIDE_SCALE}`). "
         "RMSE and MAE of a scene, without its border of 15 px. The paper trained on 250 and "
         "tested on 50 light fields of Heber's set; its time is 0.93 s on a GPU.",
@@ -102,21 +106,23 @@ def capture(results: Path, path: Path, machine: str) -> Table:
         "SweepNet 7x7": ("sweepnet", 7),
         "SweepNet 9x9": ("sweepnet", 9),
     }
-    rows = []
+    rows: list[Row] = []
+    reports: list[dict[str, Any]] = []
     for name, (weights, views) in models.items():
         file = results / "capture" / f"{path.name}_{weights}_{views}x{views}.json"
         run = partial(_captured, path, weights, views, machine)
         settings = {"scene": path.name, "weights": _digest(weights), "views": views}
         report = saved_run(file, settings, run)
+        reports.append(report)
         against = name.replace("7x7", "9x9") if views == 7 else ""
         ours = {key: report[key] for key in ("unseen_inner", "unseen_outer")}
         rows.append(Row(name, ours | {"cpu_s": [report["cpu_s"]]}, {}, against))
     return Table(
         "Figure 11: 7x7 against 9x9 views of a real capture",
-        f"{path.name}, shipped weights, {machine}, refined as captures are by default. Without "
-        "truth, the views off the star, which no network sees, are moved onto the centre view by the map: mean difference in gray levels "
-        "of 255, inner ones from the central 5x5, outer ones from around it. The paper shows "
-        "pictures and no figures.",
+        f"{path.name}, shipped weights, {machines(reports)}, refined as captures are by "
+        "default. Without truth, the views off the star, which no network sees, are moved onto the centre view by "
+        "the map: mean difference in gray levels of 255, inner ones from the central 5x5, outer "
+        "ones from around it. The paper shows pictures and no figures.",
         {
             "unseen_inner": "inner unseen views",
             "unseen_outer": "outer unseen views",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -27,3 +27,8 @@ def saved_run(path: Path, settings: dict[str, Any], run: Callable[[], dict[str, 
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(report, indent=1) + "\n")
     return report
+
+
+def machines(reports: Iterable[dict[str, Any]]) -> str:
+    """Where saved runs were made."""
+    return "; ".join(sorted({report["machine"] for report in reports}))

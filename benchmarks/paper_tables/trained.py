@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.paper_tables import published
 from benchmarks.paper_tables.published import BAD, MSE
-from benchmarks.paper_tables.saved import saved_run
+from benchmarks.paper_tables.saved import machines, saved_run
 from benchmarks.paper_tables.tables import Row, Spread, Table
 from epinet.io.atomic import atomic_path
 from epinet.synth.dataset import write_dataset
@@ -188,20 +188,13 @@ def _table(
         )
         for name, runs in reports.items()
     ]
-    minutes = sum(run["minutes"] for runs in reports.values() for run in runs)
     metrics = {BAD: "BadPix(.07)", MSE: "MSE x100"}
-    return Table(
-        title,
-        f"{_scale(trainings)} {minutes:.0f} minutes of wall time in all.",
-        metrics,
-        Spread.SEEDS,
-        rows,
-    )
+    runs = [run for runs in reports.values() for run in runs]
+    return Table(title, _scale(trainings.budget, runs), metrics, Spread.SEEDS, rows)
 
 
-def _scale(trainings: Trainings) -> str:
+def _scale(budget: Budget, runs: list[Any]) -> str:
     """The scale of the runs, in sentences."""
-    budget = trainings.budget
     recipe = recipe_for("paper-9x9", 1, budget)
     scenes = "new rendered scenes all the time"
     if budget.scenes is not None:
@@ -210,8 +203,9 @@ def _scale(trainings: Trainings) -> str:
     return (
         f"{budget.steps} steps of {recipe.batch} patches of {recipe.patch_px}x{recipe.patch_px} px "
         f"on {scenes}, {budget.seeds} seeds, optimisation: {optimisation}; judged by "
-        f"{budget.validation_scenes} rendered scenes of held-out kinds; {trainings.machine}. "
-        f"{budget.about} The paper trained for 5 to 6 days on a GPU and tested on the benchmark."
+        f"{budget.validation_scenes} rendered scenes of held-out kinds; {machines(runs)}. "
+        f"{budget.about} The paper trained for 5 to 6 days on a GPU and tested on the benchmark. "
+        f"{sum(run['minutes'] for run in runs):.0f} minutes of wall time in all."
     )
 
 

@@ -120,7 +120,7 @@ def test_a_budget_changes_nothing_of_what_the_tables_study(name, budget):
 def test_a_table_is_made_of_saved_runs_alone(tmp_path):
     """Runs of two seeds are written beforehand; no training starts."""
     budget = BUDGETS["minutes"]
-    trainings = Trainings(budget, tmp_path / "results", tmp_path / "runs", "a machine")
+    trainings = Trainings(budget, tmp_path / "results", tmp_path / "runs", "another machine")
     for k, name in enumerate(published.STREAMS):
         for seed in (1, 2):
             settings = settings_of(recipe_for(name, seed, budget), budget)
@@ -129,6 +129,7 @@ def test_a_table_is_made_of_saved_runs_alone(tmp_path):
                 "history": [{"step": 10, "scores": scores}],
                 "scores": scores,
                 "minutes": 0.5,
+                "machine": "the machine of the runs",
             }
             file = tmp_path / "results" / f"{name}_seed{seed}.json"
             saved_run(file, settings, lambda report=report: report)
@@ -137,6 +138,8 @@ def test_a_table_is_made_of_saved_runs_alone(tmp_path):
     assert "| 4 streams | 41.5 ± 0.5 | 3.87 | 6.5 ± 0.5 | 1.393 |" in lines
     assert "30 steps" in lines[2]
     assert "2 seeds" in lines[2]
+    assert "the machine of the runs" in lines[2]
+    assert "another machine" not in lines[2]
     assert (tmp_path / "results" / "streams.png").exists()
     assert not (tmp_path / "runs").exists()
 
