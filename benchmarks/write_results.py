@@ -132,7 +132,7 @@ def calibration() -> Iterator[str]:
     yield "## SweepNet's expected error"
     yield (
         f"`python benchmarks/calibration.py`, the {report['pixels']:,} valid pixels of the "
-        "rendered validation set in ten classes by expected error."
+        "rendered validation set in ten classes by expected error. " + report.get("note", "")
     )
     rows = [
         [
