@@ -105,9 +105,9 @@ def recipe_for(name: str, seed: int, budget: Budget, data: Path | None = None) -
 
 
 def settings_of(recipe: Recipe, budget: Budget) -> dict[str, Any]:
-    """All that decides what a run gives."""
+    """All that decides what a run gives; of the recipe, what is not its default."""
     scenes = {"scenes": budget.scenes, "validation_scenes": budget.validation_scenes}
-    return recipe.as_dict() | scenes | {"generator": VERSION}
+    return recipe.model_dump(mode="json", exclude_defaults=True) | scenes | {"generator": VERSION}
 
 
 @dataclass(frozen=True)
