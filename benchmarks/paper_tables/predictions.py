@@ -89,9 +89,10 @@ def wide(results: Path, runs: Path, count: int, machine: str) -> Table:
         f"{count} light fields of {width}x{height} px, -25..5 px, rendered by `epinet synth "
         f"--range wide --seed {WIDE_SEED}`, since the original set is not to be had; shipped "
         f"weights, {machines(reports)}. SweepNet measures the range and searches it on smaller "
-        f"pictures first; EPINET sees the views at 1/{WIDE_SCALE} of their size (`--scale {WIDE_SCALE}`). "
-        "RMSE and MAE of a scene, without its border of 15 px. The paper trained on 250 and "
-        "tested on 50 light fields of Heber's set; its time is 0.93 s on a GPU.",
+        f"pictures first; EPINET sees the views at 1/{WIDE_SCALE} of their size "
+        f"(`--scale {WIDE_SCALE}`). RMSE and MAE of a scene, without its border of 15 px. The "
+        "paper trained on 250 and tested on 50 light fields of Heber's set; its time is 0.93 s "
+        "on a GPU.",
         {"rmse_px": "RMSE, px", "mae_px": "MAE, px", "cpu_s": "CPU s"},
         Spread.SCENES,
         rows,
@@ -121,8 +122,8 @@ def capture(results: Path, path: Path, machine: str) -> Table:
         "Figure 11: 7x7 against 9x9 views of a real capture",
         f"{path.name}, shipped weights, {machines(reports)}, refined as captures are by "
         "default. Without truth, the views off the star, which no network sees, are moved onto "
-        "the centre view by the map: mean difference in gray levels of 255, inner ones from the central 5x5, outer "
-        "ones from around it. The paper shows pictures and no figures.",
+        "the centre view by the map: mean difference in gray levels of 255, inner ones from the "
+        "central 5x5, outer ones from around it. The paper shows pictures and no figures.",
         {
             "unseen_inner": "inner unseen views",
             "unseen_outer": "outer unseen views",
