@@ -115,7 +115,8 @@ def capture(results: Path, path: Path, machine: str) -> Table:
         "Figure 11: 7x7 against 9x9 views of a real capture",
         f"{path.name}, shipped weights, {machine}, refined as captures are by default. Without "
         "truth, the views off the star, which no network sees, are moved onto the centre view by "
-        "the map: mean difference in gray levels of 255, inner ones from the central 5x5, outer ones from around it. The paper shows "
+        "the map: mean difference in gray levels of 255, inner ones from the central "
+        "5x5, outer ones from around it. The paper shows "
         "pictures and no figures.",
         {
             "unseen_inner": "inner unseen views",
