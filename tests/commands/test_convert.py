@@ -190,7 +190,7 @@ def test_raw_to_the_benchmarks_folder_and_eslf(tmp_path, run):
     direct = decode(path, white.parent)
     folder = read_light_field(tmp_path / "scene")
     np.testing.assert_array_equal(folder.views, direct.views)
-    assert folder.camera == direct.camera
+    assert folder.camera == direct.camera and folder.captured
     done = run("convert", tmp_path / "scene", tmp_path / "scene.png")
     assert done.code == 0, done.err
     np.testing.assert_array_equal(read_light_field(tmp_path / "scene.png").views, direct.views)

@@ -38,20 +38,7 @@ def read_light_field(path: str | Path, layout: str | None = None) -> LightField:
         ('hci', (9, 9), (512, 512))
     """
     path = Path(path)
-    _check_there(path)
-    try:
-        chosen = _recognised(path) if layout is None else named_layout(layout)
-        if chosen.is_folder != path.is_dir():
-            due, found = ("folder", "file") if chosen.is_folder else ("file", "folder")
-            raise InputError(
-                f"{path}: a {found}, but the layout {chosen.name} is a {due}: {chosen.description}"
-            )
-        lf = chosen.read(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    _check(lf, path)
-    captured = lf.captured or not chosen.rendered
-    return replace(lf, source=path, layout=chosen.name, captured=captured)
+    return _read(path, lambda: _recognised(path) if layout is None else named_layout(layout))
 
 
 def read_raw(
@@ -64,13 +51,26 @@ def read_raw(
 
     Args and errors: as of `epinet.raw.decode`.
     """
-    _check_there(path)
+    told = replace(lytro_raw.LAYOUT, read=lambda raw: decode(raw, white, views, progress))
+    return _read(path, lambda: told)
+
+
+def _read(path: Path, choose: Callable[[], Layout]) -> LightField:
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
     try:
-        lf = decode(path, white, views, progress)
+        chosen = choose()
+        if chosen.is_folder != path.is_dir():
+            due, found = ("folder", "file") if chosen.is_folder else ("file", "folder")
+            raise InputError(
+                f"{path}: a {found}, but the layout {chosen.name} is a {due}: {chosen.description}"
+            )
+        lf = chosen.read(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     _check(lf, path)
-    return replace(lf, source=path, layout=lytro_raw.LAYOUT.name)
+    captured = lf.captured or not chosen.rendered
+    return replace(lf, source=path, layout=chosen.name, captured=captured)
 
 
 def is_light_field(path: Path) -> bool:
@@ -112,11 +112,6 @@ def _found(path: Path) -> str:
     example = f", such as {images[0].name}" if images else ""
     hint = "; the views may lie in one of the folders" if folders and not images else ""
     return f"not recognised: {counts} and {others}{example}{hint}"
-
-
-def _check_there(path: Path) -> None:
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder")
 
 
 def _check(lf: LightField, path: Path) -> None:
