@@ -24,8 +24,8 @@ def inspect(lf: LightField, trained_range_px: tuple[float, float] | None) -> dic
         trained_range_px: disparities that the network was trained for, if known.
     """
     order = check_order(lf)
-    span = estimate_range(order.correction.apply(lf))
-    alignment = estimate_alignment(order.correction.apply(lf))
+    ordered = order.correction.apply(lf)
+    span, alignment = estimate_range(ordered), estimate_alignment(ordered)
     height, width = lf.size
     return {
         "input": None if lf.source is None else str(lf.source),
