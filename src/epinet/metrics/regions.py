@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from epinet.metrics import disparity
 from epinet.metrics.metric import Comparison, Metric
 
@@ -9,8 +11,20 @@ BADPIX_PX = 0.07
 FINE_PX = 0.15
 
 
-def _discontinuities(comparison: Comparison) -> float:
-    return disparity.badpix(comparison.error("discontinuities"), BADPIX_PX)
+def badpix_within(mask: str, where: str, **about: Any) -> Metric:
+    """BadPix(.07) inside a mask.
+
+    Args:
+        where: the region, as the definition names it.
+        about: the metric's `id`, `name` and what else differs from the defaults.
+    """
+    return Metric(
+        unit="%",
+        definition=f"BadPix({BADPIX_PX:g}) {where}.",
+        compute=lambda comparison: disparity.badpix(comparison.error(mask), BADPIX_PX),
+        masks=(mask,),
+        **about,
+    )
 
 
 def _fine_fattening(comparison: Comparison) -> float:
@@ -23,13 +37,11 @@ def _fine_thinning(comparison: Comparison) -> float:
     return disparity.percent(~(comparison.difference[comparison.region("fine")] >= -FINE_PX))
 
 
-DISCONTINUITIES = Metric(
+DISCONTINUITIES = badpix_within(
+    "discontinuities",
+    "at edges of depth",
     id="discontinuities",
     name="Discontinuities",
-    unit="%",
-    definition=f"BadPix({BADPIX_PX:g}) at edges of depth.",
-    compute=_discontinuities,
-    masks=("discontinuities",),
     truth="high",
 )
 FINE_FATTENING = Metric(
@@ -55,15 +67,7 @@ FINE_THINNING = Metric(
 
 
 def _part(mask: str, name: str, where: str) -> Metric:
-    return Metric(
-        id=f"badpix_{mask}",
-        name=name,
-        unit="%",
-        definition=f"BadPix({BADPIX_PX:g}) {where}.",
-        compute=lambda comparison: disparity.badpix(comparison.error(mask), BADPIX_PX),
-        masks=(mask,),
-        source="epinet",
-    )
+    return badpix_within(mask, where, id=f"badpix_{mask}", name=name, source="epinet")
 
 
 def _matchable(comparison: Comparison) -> float:

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from epinet.metrics import disparity
 from epinet.metrics.metric import Comparison, Metric
+from epinet.metrics.regions import badpix_within
 from epinet.metrics.surfaces import BUMPINESS_CLIP, bumpiness_x100
-
-BADPIX_PX = 0.07
 
 FOREGROUND_COLUMN_PX = 14
 """Of backgammon, in pixels of the light field: it shows the foreground alone, in every row."""
@@ -62,13 +61,11 @@ def _missed_dots(comparison: Comparison) -> float:
 
 
 def _stripes(mask: str, name: str, where: str) -> Metric:
-    return Metric(
+    return badpix_within(
+        mask,
+        where,
         id=f"stripes_{mask}",
         name=f"Stripes: {name}",
-        unit="%",
-        definition=f"BadPix({BADPIX_PX:g}) {where}.",
-        compute=lambda comparison: disparity.badpix(comparison.error(mask), BADPIX_PX),
-        masks=(mask,),
         truth="high",
         scene=STRIPES,
     )
