@@ -52,7 +52,12 @@ from epinet.train.losses import batch_loss
 from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
 from epinet.train.recipe import DIFFERENCES, GLOROT, OWN, Recipe
-from epinet.train.validation import Validation
+from epinet.train.validation import (
+    Validation,
+    fitted_calibration,
+    mean_scores,
+    save_pictures,
+)
 
 STATISTICS_BATCHES = 48
 """Batch-norm statistics of averaged weights are taken anew, over so many of the last batches."""
@@ -347,10 +352,10 @@ class Run:
 
     def _validate(self, log: Log) -> None:
         weights = self.weights()
+        results = self.validation.predict(weights, self.device, bf16=self.recipe.bf16)
+        scores = mean_scores(results)
         pictures = self.folder / "validation"
-        scores = self.validation.score(
-            weights, self.device, bf16=self.recipe.bf16, pictures=pictures
-        )
+        save_pictures(pictures, results)
         entry = {
             "minutes": round(self.seconds / 60, 2),
             "mean_loss": round(sum(self.losses) / max(1, len(self.losses)), 5),
@@ -362,8 +367,7 @@ class Run:
         log.show(self.step, pictures)
         metadata = self.metadata()
         if isinstance(weights.net, SweepNet):
-            calibration = self.validation.calibration(weights, self.device, bf16=self.recipe.bf16)
-            metadata[CALIBRATION] = asdict(calibration)
+            metadata[CALIBRATION] = asdict(fitted_calibration(results))
         save_weights(self.folder / "weights.safetensors", weights.net, metadata)
         if scores[BEST] < self.best:
             self.best = scores[BEST]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,47 +77,45 @@ class Validation:
         problems.raise_any()
         return cls(scenes)
 
-    def score(
-        self, weights: Weights, device: torch.device, *, bf16: bool, pictures: Path | None = None
-    ) -> dict[str, float]:
-        """Scores of a network, inside the benchmark's border.
+    def predict(self, weights: Weights, device: torch.device, *, bf16: bool) -> dict[str, Result]:
+        """Results of a network, by the names of the scenes.
 
         Args:
             weights: the network, in eval mode.
             device: where to predict.
             bf16: autocast to bfloat16.
-            pictures: a folder to write previews of the first scenes to.
-
-        Returns:
-            The mean over the scenes.
         """
-        each = []
-        for k, (name, result) in enumerate(self._results(weights, device, bf16)):
-            if result.scores is None:
-                raise InputError(f"{name}: no pixel with truth inside the border of 15 px")
-            each.append(result.scores)
-            if pictures is not None and k < PICTURES:
-                pictures.mkdir(parents=True, exist_ok=True)
-                save_preview(pictures / f"{name}.png", result)
-        return {key: sum(scores[key] for scores in each) / len(each) for key in each[0]}
-
-    def calibration(self, weights: Weights, device: torch.device, *, bf16: bool) -> Calibration:
-        """What the errors that SweepNet expects mean, by the true errors on the scenes."""
-        expected, errors = [], []
-        for _, result in self._results(weights, device, bf16):
-            truth, own = result.lightfield.truth, result.expected_error
-            assert truth is not None and own is not None
-            known = np.isfinite(truth)
-            if "invalid" in result.lightfield.masks:
-                known &= ~result.lightfield.masks["invalid"]
-            expected.append(own[known])
-            errors.append(np.abs(result.disparity - truth)[known])
-        return Calibration.fitted(np.concatenate(expected), np.concatenate(errors))
-
-    def _results(
-        self, weights: Weights, device: torch.device, bf16: bool
-    ) -> Iterator[tuple[str, Result]]:
         estimator = Estimator(weights, device=str(device))
-        for name, lf in self.scenes.items():
-            with torch.autocast(device.type, dtype=torch.bfloat16, enabled=bf16):
-                yield name, estimator.predict(lf)
+        with torch.autocast(device.type, dtype=torch.bfloat16, enabled=bf16):
+            return {name: estimator.predict(lf) for name, lf in self.scenes.items()}
+
+
+def mean_scores(results: dict[str, Result]) -> dict[str, float]:
+    """Mean over the scenes of each score, inside the benchmark's border."""
+    each = []
+    for name, result in results.items():
+        if result.scores is None:
+            raise InputError(f"{name}: no pixel with truth inside the border of 15 px")
+        each.append(result.scores)
+    return {key: sum(scores[key] for scores in each) / len(each) for key in each[0]}
+
+
+def save_pictures(folder: Path, results: dict[str, Result]) -> None:
+    """Writes previews of the first scenes to a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, result in list(results.items())[:PICTURES]:
+        save_preview(folder / f"{name}.png", result)
+
+
+def fitted_calibration(results: dict[str, Result]) -> Calibration:
+    """What the errors that SweepNet expects mean, by its true errors."""
+    expected, errors = [], []
+    for result in results.values():
+        truth, own = result.lightfield.truth, result.expected_error
+        assert truth is not None and own is not None
+        known = np.isfinite(truth)
+        if "invalid" in result.lightfield.masks:
+            known &= ~result.lightfield.masks["invalid"]
+        expected.append(own[known])
+        errors.append(np.abs(result.disparity - truth)[known])
+    return Calibration.fitted(np.concatenate(expected), np.concatenate(errors))
