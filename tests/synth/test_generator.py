@@ -163,6 +163,21 @@ def test_a_scene_is_a_light_field_with_camera_and_masks():
     assert depth[nearest_px] == depth.min()
 
 
+def test_floors_begin_within_the_picture_and_lean_more():
+    """Nothing in front: each scene is a wall and a floor that meet in a line."""
+    options = Options(size=(96, 80), surfaces=(0, 1), clutter=0.0)
+    steep = {}
+    for floors in (0.0, 1.0):
+        maps = [
+            truth(draw_scene(replace(options, floors=floors), 5, k)[0])[0][0, 0] for k in range(24)
+        ]
+        steep[floors] = [
+            torch.hypot(m.diff(dim=0)[:, 1:], m.diff(dim=1)[1:]).median().item() for m in maps
+        ]
+        assert all(m.min() >= -4.01 and m.max() <= 4.01 for m in maps)
+    assert np.mean(steep[1.0]) > 2 * np.mean(steep[0.0])
+
+
 @pytest.mark.parametrize("bounds", [(-1.0, 1.0), (-4.0, 4.0), (-25.0, 5.0), (2.0, 3.0)])
 def test_disparities_keep_to_the_range(bounds):
     options = Options(size=(64, 64), disparity_px=bounds)

@@ -120,7 +120,24 @@ def _draw_place(dice: Dice, count: int, options: Options, depth_px: Tensor) -> P
     number = dice.integers(1, BACKGROUNDS + 1, count, 1)
     exists = torch.arange(BACKGROUNDS) < number
     planes = torch.stack([a, b, c], -1)
+    if options.floors:
+        chosen = dice.chance(options.floors, count)
+        floors = _floors(dice, planes[:, 0], angle[:, 1], low[:, 0] + span[:, 0], options.size)
+        planes[:, 1] = torch.where(chosen[:, None], floors, planes[:, 1])
+        exists[:, 1] |= chosen
     return Place(low, low + span, depth_px, world, options.size, planes, exists)
+
+
+def _floors(
+    dice: Dice, walls: Tensor, angle: Tensor, high: Tensor, size: tuple[int, int]
+) -> Tensor:
+    """Planes (B, 3) that meet the walls (B, 3) within the picture and come nearer from there on."""
+    reach = 0.5 * (size[1] * angle.cos().abs() + size[0] * angle.sin().abs())
+    begin = reach * dice.uniform(-0.9, 0.6, len(walls))
+    nearest = walls[:, 0] + 0.5 * (size[1] * walls[:, 1].abs() + size[0] * walls[:, 2].abs())
+    slope = dice.log_uniform(0.012, 0.12, len(walls))
+    slope = torch.minimum(slope, (high - nearest).clamp_min(0) / (reach - begin))
+    return walls + slope[:, None] * torch.stack([-begin, angle.cos(), angle.sin()], -1)
 
 
 def _positions(dice: Dice, place: Place, reach: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:

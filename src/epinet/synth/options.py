@@ -76,6 +76,8 @@ class Options:
     """Fewest and most objects in front of the background."""
     clutter: float = 0.6
     """Share of scenes with up to three times as many more, small cut-outs."""
+    floors: float = 0.0
+    """Share of scenes where a floor or side wall, often a steep one, begins within the picture."""
     faults: Faults = field(default_factory=Faults)
     samples: int = 4
     """Rays per pixel and view."""
@@ -93,7 +95,7 @@ class Options:
             problems.append(f"the number of surfaces {self.surfaces} is impossible")
         if self.samples < 1:
             problems.append(f"{self.samples} rays per pixel: at least 1")
-        for name in ("textureless", "thin", "reflective", "highlights", "clutter"):
+        for name in ("textureless", "thin", "reflective", "highlights", "clutter", "floors"):
             if not 0 <= getattr(self, name) <= 1:
                 problems.append(f"{name} is a share of 0..1, not {getattr(self, name):g}")
         if not 0 <= self.contrast[0] <= self.contrast[1] <= 1:
