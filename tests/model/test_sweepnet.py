@@ -1,13 +1,12 @@
 """SweepNet: what it is shown, against plain slow versions and planes of known disparity."""
 
-import math
-
 import numpy as np
 import pytest
 import torch
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
-from epinet.model.sweepnet import ARMS, OUTERMOST, SweepNet, SweepNetConfig, Views, sampled
+from epinet.model.matching import ARMS, OUTERMOST, Views, _leaning, gathered, sampled
+from epinet.model.sweepnet import SweepNet, SweepNetConfig
 
 SIDE_PX = 48
 
@@ -73,6 +72,43 @@ def test_the_true_plane_costs_least(views, disparity):
     assert (costs.argmin(0) == tried.index(disparity)).all()
     if disparity in (0.0, 1.0) and OUTERMOST % (views // 2) == 0:
         assert costs.amin(0).max() < 1e-5
+
+
+@pytest.mark.parametrize("lean", [(0.0, 0.0), (0.11, 0.0), (0.0, -0.2)])
+def test_costs_are_gathered_over_leaning_squares(lean):
+    """Against a loop over the pixels of each square, between hypotheses linear."""
+    g = torch.Generator().manual_seed(3)
+    cost = torch.rand(1, 7, 15, 13, generator=g).double()
+    for square, reach in zip(_leaning(cost, lean, 1.0), (1, 4), strict=True):
+        for d, y, x in ((3, 6, 7), (2, 8, 5)):
+            values = []
+            for v in range(-reach, reach + 1):
+                for u in range(-reach, reach + 1):
+                    # Steps of 1 and 3 px move by so many hypotheses each, so the sum is linear.
+                    at = d + lean[0] * v + lean[1] * u
+                    column = cost[0, :, min(max(y + v, 0), 14), min(max(x + u, 0), 12)].numpy()
+                    values.append(np.interp(at, np.arange(7), column))
+            tolerance = 1e-12 if lean == (0.0, 0.0) else 0.05
+            assert square[0, d, y, x].item() == pytest.approx(np.mean(values), abs=tolerance)
+
+
+def test_a_faint_floor_stands_out_where_costs_are_gathered_along_it():
+    """Costs so noisy that no pixel tells its disparity; squares that lean with the floor do."""
+    g = torch.Generator().manual_seed(4)
+    y = torch.arange(64.0).view(1, 1, -1, 1)
+    floor = 8 + 0.08 * (y - 32)  # of hypotheses .5 px apart: .02 px per px
+    hypotheses = torch.arange(17.0).view(1, -1, 1, 1)
+    cost = 0.5 - 0.03 * (1 - (hypotheses - floor).abs()).clamp_min(0) * torch.ones(1, 1, 1, 48)
+    noisy = cost + 0.06 * torch.randn(cost.shape, generator=g)
+    wide, distinct = gathered(noisy, 0.5)
+    inner = (..., slice(18, -18), slice(18, -18))
+    errors = [
+        (seen.argmin(1, keepdim=True) - floor).abs()[inner].median().item()
+        for seen in (noisy, wide[:, :, 2], wide[:, :, 3])
+    ]
+    assert errors[2] < 0.6 * min(errors[0], 1.0)
+    assert errors[2] <= errors[1]
+    assert wide.shape == (1, 17, 4, 64, 48) and distinct.shape == (1, 2, 64, 48)
 
 
 @pytest.mark.parametrize("views", [3, 9])
@@ -157,4 +193,3 @@ def test_a_configuration_survives_json():
 
     config = SweepNetConfig(spreads_px=(0.3,))
     assert SweepNetConfig(**json.loads(json.dumps(config.as_dict()))) == config
-    assert math.isclose(sum(SweepNetConfig().spreads_px), 0.33)

@@ -4,23 +4,22 @@ EPINET must discover from stacks of views what matching is. SweepNet is shown th
 moved by hypothesised disparities, and a few small convolutions decide. docs/sweepnet.md draws it.
 
     sweep    at half resolution, for hypotheses half a pixel apart: how far each arm's views, moved
-             by it, are from the centre view; one network, shared by all hypotheses, scores each
+             by it, are from the centre view, there and over wide squares that lean like floors
+             and walls; one network, shared by all hypotheses, scores each
     fill     at half resolution, far-seeing: corrects the best disparities where nothing told
-             them, and enlarges the map to full resolution
-    refine   at full resolution, twice: the views moved by the estimate, a little less and a little
-             more; least squares of each arm, weighed by a network, and what it adds to them
+             them, and says how to enlarge the map to full resolution
+    refine   at half resolution and twice at full: the views moved by the estimate, a little less
+             and a little more; least squares of each arm, weighed by a network, and what it adds
 
-An arm is the half of a direction that lies on one side of the centre view: what hides a point
-from one arm leaves the opposite one clean. Differences between views count in units of the centre
-view's local contrast. Disparities inside the network are those of views a quarter of the way to
-the outermost ones apart, so one network serves grids of any size; it gives px per adjacent view.
-Disparities beyond its span are found on smaller pictures first and refined on the way up.
+What the views show of a disparity is taken by `epinet.model.matching`. Disparities inside the
+network are those of views a quarter of the way to the outermost ones apart, so one network serves
+grids of any size; it gives px per adjacent view. Disparities beyond its span are found on smaller
+pictures first and refined on the way up.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -28,37 +27,18 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from epinet.angular import DIRECTIONS_DEG, direction_positions
-from epinet.model.contrast import box_mean, local_statistics
+from epinet.model.contrast import box_mean
+from epinet.model.matching import ARMS, GATHERED, OUTERMOST, PARTS, Views, enlarged, gathered
 
-UNIT_WINDOW_PX = 9
-"""The local contrast of the centre view is taken over this square."""
-FLOOR = 0.003
-"""Contrast well below this, near a gray level of 255, counts as noise."""
-OUTERMOST = 4
-"""Distance of the outermost views from the centre in the network's own unit of baseline."""
 SPAN = 12.0
 """Ranges wider than this, in the network's unit, are searched on smaller pictures."""
-BOXES_PX = (1, 5, 15)
+BOXES_PX = (1, 5, 15, 45)
 """Squares over which least squares are taken; a network chooses among them."""
 SMOOTHINGS_PX = (3, 9, 25)
-
-
-def _arms() -> list[tuple[int, int, int, int]]:
-    """(stream, side, rows, columns) of each arm: the step from one of its views to the next."""
-    arms = []
-    for stream, direction in enumerate(DIRECTIONS_DEG):
-        (row0, col0), (row1, col1) = direction_positions(direction, 3)[1:]
-        for side in (-1, 1):
-            arms.append((stream, side, side * (row1 - row0), side * (col1 - col0)))
-    return arms
-
-
-ARMS = _arms()
-PARTS = 4 * len(ARMS)
-"""Each arm's inner and outer views are told apart, since the inner ones see around more edges; and
-differences count in two units: the contrast around a pixel, and the least of those of the squares
-that hold it, or faint texture beside a strong edge would go unseen."""
+KEPT = 7.0
+"""A refinement begins by keeping its own map: by so much its log odds exceed any neighbour's."""
+SEEN = 2 + PARTS + 2
+"""Features of the centre view, least costs, and how distinct the gathered ones are."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +52,16 @@ class SweepNetConfig:
     context_width: int = 16
     """Channels that the fill passes on to the refinements."""
     refine_width: int = 32
-    spreads_px: tuple[float, ...] = (0.25, 0.08)
-    """One refinement for each: how much nearer and farther it looks."""
+    spreads_px: tuple[float, ...] = (0.25, 0.25, 0.08)
+    """One refinement for each, the first at half resolution: how much nearer and farther it
+    looks, in pixels of its resolution."""
+    neighbours: tuple[tuple[int, int], ...] = ((3, 2), (5, 2), (3, 1))
+    """For each refinement (side, spacing in px) of the square whose maps a pixel chooses from."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "spreads_px", tuple(self.spreads_px))  # JSON has lists
+        # JSON has lists.
+        object.__setattr__(self, "spreads_px", tuple(self.spreads_px))
+        object.__setattr__(self, "neighbours", tuple((n, px) for n, px in self.neighbours))
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -123,27 +108,45 @@ class _Sweep(nn.Module):
     def __init__(self, width: int) -> None:
         super().__init__()
         self.first = nn.Conv2d(PARTS, 3 * width, 1)
-        self.shared = nn.Conv2d(2 + PARTS, width, 3, padding=1)
+        self.far = nn.Conv2d(GATHERED, 3 * width, 1, bias=False)
+        self.shared = nn.Conv2d(SEEN, width, 3, padding=1)
         self.body = nn.ModuleList(_Residual(width, d) for d in (1, 2, 4))
         self.score = nn.Conv2d(width, 1, 3, padding=1)
 
-    def forward(self, cost: Tensor, seen: Tensor) -> Tensor:
-        """Costs (B, D, PARTS, h, w) and features of no hypothesis -> scores (B, D, h, w)."""
+    def forward(self, cost: Tensor, wide: Tensor, seen: Tensor) -> Tensor:
+        """Scores (B, D, h, w).
+
+        Args:
+            cost: (B, D, PARTS, h, w) of the hypotheses.
+            wide: (B, D, GATHERED, h, w) of the same, over wide squares.
+            seen: (B, SEEN, h, w) of no hypothesis.
+        """
         b, count = cost.shape[:2]
         shared = self.shared(seen)
-        own, before, after = zip(
-            self.first.weight.chunk(3), _bias(self.first).chunk(3), strict=True
+        costs, far = cost.flatten(0, 1), wide.flatten(0, 1)
+        own, before, after = (
+            (*parts, far_part)
+            for *parts, far_part in zip(
+                self.first.weight.chunk(3),
+                _bias(self.first).chunk(3),
+                self.far.weight.chunk(3),
+                strict=True,
+            )
         )
-        costs = cost.flatten(0, 1)
-        x = F.conv2d(costs, *own)
+        x = _mixed(costs, far, *own)
         planes = x.view(b, count, *x.shape[1:])  # one after the other, for the sake of memory
         planes += shared[:, None]
-        planes[:, 1:] += F.conv2d(costs, *before).view_as(planes)[:, :-1]
-        planes[:, :-1] += F.conv2d(costs, *after).view_as(planes)[:, 1:]
+        planes[:, 1:] += _mixed(costs, far, *before).view_as(planes)[:, :-1]
+        planes[:, :-1] += _mixed(costs, far, *after).view_as(planes)[:, 1:]
         for block in self.body:
             x = block(_exchanged(x, count))
         scores: Tensor = self.score(F.relu(x))
         return scores.view(b, count, *cost.shape[-2:])
+
+
+def _mixed(costs: Tensor, far: Tensor, weight: Tensor, bias: Tensor, far_weight: Tensor) -> Tensor:
+    mixed: Tensor = F.conv2d(costs, weight, bias).add_(F.conv2d(far, far_weight))
+    return mixed
 
 
 def _exchanged(x: Tensor, count: int) -> Tensor:
@@ -157,42 +160,45 @@ def _exchanged(x: Tensor, count: int) -> Tensor:
 
 
 class _Fill(nn.Module):
-    """Corrects the swept map with far-seeing features and enlarges it, pixel by weighed pixel."""
+    """Corrects the swept map with far-seeing features and says how to enlarge it."""
 
     DILATIONS = (1, 2, 4, 8, 16, 1)
 
     def __init__(self, width: int, context: int) -> None:
         super().__init__()
-        self.first = nn.Conv2d(2 + PARTS + 2 + len(SMOOTHINGS_PX), width, 3, padding=1)
+        self.first = nn.Conv2d(SEEN + 2 + len(SMOOTHINGS_PX), width, 3, padding=1)
         self.body = nn.Sequential(*(_Residual(width, d) for d in self.DILATIONS))
         self.out = nn.Conv2d(width, 1 + context + 4 * 9, 3, padding=1)
         nn.init.zeros_(self.out.weight[:1])
 
-    def forward(self, swept: Tensor, spread: Tensor, seen: Tensor) -> tuple[Tensor, Tensor]:
-        """Map and its spread (B, 1, h, w) and features -> map (B, 1, 2h, 2w) and context."""
-        b, _, h, w = swept.shape
+    def forward(self, swept: Tensor, spread: Tensor, seen: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Map and its spread (B, 1, h, w) and features -> map, context, weights to enlarge by."""
         x = torch.cat([seen, spread, *_bumps(swept), swept * 0.1], 1)
         out = self.out(F.relu(self.body(self.first(x)))).float()
-        swept = swept + out[:, :1]
-        weights = out[:, -36:].view(b, 1, 9, 2, 2, h, w).softmax(2)
-        around = F.unfold(F.pad(swept, (1,) * 4, mode="replicate"), 3).view(b, 1, 9, 1, 1, h, w)
-        enlarged = (weights * around).sum(2).permute(0, 1, 4, 2, 5, 3).reshape(b, 1, 2 * h, 2 * w)
-        return enlarged, out[:, 1:-36]
+        return swept + out[:, :1], out[:, 1:-36], out[:, -36:]
 
 
 class _Refine(nn.Module):
-    """Moves an estimate by least squares of the arms' residuals, as a network weighs them."""
+    """Moves an estimate by least squares of the arms' residuals, as a network weighs them.
+
+    Then each pixel chooses among its neighbours' disparities: beside an edge the estimate is often
+    of the wrong surface, too far off for least squares, while a neighbour has it right.
+    """
 
     DILATIONS = (1, 2, 4, 8, 1)
 
-    def __init__(self, width: int, context: int) -> None:
+    def __init__(self, width: int, context: int, neighbours: tuple[int, int]) -> None:
         super().__init__()
+        self.side, self.apart_px = neighbours
         seen = 3 * PARTS + 2 * len(ARMS) + 2 + len(SMOOTHINGS_PX) + 1 + context
         self.first = nn.Conv2d(seen, width, 1)
         self.body = nn.Sequential(*(_Residual(width, d) for d in self.DILATIONS))
-        self.out = nn.Conv2d(width, len(ARMS) + len(BOXES_PX) + 2, 3, padding=1)
+        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, self.side**2)
+        self.out = nn.Conv2d(width, sum(self.parts), 3, padding=1)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(_bias(self.out))
+        with torch.no_grad():
+            _bias(self.out)[-(self.side**2 // 2 + 1)] = KEPT
 
     def forward(
         self, views: Views, disparity: Tensor, spread_px: float, context: Tensor
@@ -206,84 +212,19 @@ class _Refine(nn.Module):
         spread = torch.full_like(disparity, math.log(spread_px))
         x = torch.cat([residuals, step, told, views.centre, *bumps, spread, context], 1)
         out = self.out(F.relu(self.body(self.first(x)))).float()
-        weights = out[:, : len(ARMS)].clamp(-8, 8).exp()
-        choice = out[:, len(ARMS) : -2].softmax(1)
+        weights, choice, more, log_error, kept = out.split(self.parts, 1)
+        weights, choice = weights.clamp(-8, 8).exp(), choice.softmax(1)
         slope, match = ((weights * t).sum(1, keepdim=True) for t in (slopes, matches))
+        disparity = disparity + spread_px * more
         for k, box in enumerate(BOXES_PX):
             moved = box_mean(slope, box) / (box_mean(match, box) + 1e-4)
             disparity = disparity + choice[:, k : k + 1] * moved.clamp(
                 -2 * spread_px, 2 * spread_px
             )
-        return disparity + spread_px * out[:, -2:-1], out[:, -1:] + math.log(spread_px)
-
-
-class Views:
-    """The arms' views beside the centre view, in units of its local contrast.
-
-    Args:
-        stacks: (B, 4, N, H, W) gray, 0..1, in the order of `epinet.angular.DIRECTIONS_DEG`.
-    """
-
-    def __init__(self, stacks: Tensor) -> None:
-        half = stacks.shape[2] // 2
-        self.offsets = [OUTERMOST * k / half for k in range(1, half + 1)]
-        self.inner = [o <= OUTERMOST / 2 or half == 1 for o in self.offsets]
-        self.gray = stacks[:, :1, half]  # (B, 1, H, W)
-        mean, unit = local_statistics(self.gray, UNIT_WINDOW_PX, FLOOR)
-        faint = -F.max_pool2d(-unit, UNIT_WINDOW_PX, 1, UNIT_WINDOW_PX // 2)
-        self.unit, self.units = unit, (unit, faint)
-        self.centre = torch.cat([(self.gray - mean) / unit / 2, unit.log() / 2 + 2], 1)
-        self.arms = [
-            (row, col, torch.stack([stacks[:, s, half + side * k] for k in range(1, half + 1)], 1))
-            for s, side, row, col in ARMS
-        ]
-
-    def costs(self, disparities: Sequence[float]) -> Tensor:
-        """(B, D, PARTS, H, W) mean differences to the centre view under whole planes."""
-        planes = []
-        for d in disparities:
-            parts: list[Tensor] = []
-            for row, col, views in self.arms:
-                moved = [
-                    _shifted(views[:, k], -d * o * row, -d * o * col)
-                    for k, o in enumerate(self.offsets)
-                ]
-                parts += self._parts(torch.stack(moved, 1) - self.gray)
-            planes.append(torch.cat(parts, 1))
-        return torch.stack(planes, 1)
-
-    def least_squares(self, disparity: Tensor, spread_px: float) -> tuple[Tensor, Tensor, Tensor]:
-        """Of views moved by an estimate (B, 1, H, W).
-
-        Returns:
-            residuals (B, 3 * PARTS, H, W) at the estimate, nearer and farther; and of each arm
-            (B, 8, H, W) sums of residual times slope and of slope squared, so that the step which
-            its views ask for is their quotient.
-        """
-        residuals: list[Tensor] = []
-        slopes, matches = [], []
-        for row, col, views in self.arms:
-            moves = [(o * row, o * col) for o in self.offsets]
-            at, near, far = (
-                sampled(views, disparity + by, moves) - self.gray
-                for by in (0, spread_px, -spread_px)
-            )
-            for r in (at, near, far):
-                residuals += self._parts(r)
-            at, slope = at / self.unit, (near - far) / (2 * spread_px * self.unit)
-            slopes.append(-(at * slope).mean(1, keepdim=True))
-            matches.append((slope * slope).mean(1, keepdim=True))
-        return torch.cat(residuals, 1), torch.cat(slopes, 1), torch.cat(matches, 1)
-
-    def _parts(self, differences: Tensor) -> list[Tensor]:
-        """Inner and outer mean (B, 1, H, W) of an arm's differences, in 0..1."""
-        sizes = differences.abs()
-        parts = []
-        for inner in (True, False):
-            chosen = [k for k, is_inner in enumerate(self.inner) if is_inner == inner]
-            mean = sizes[:, chosen or [0]].mean(1, keepdim=True)
-            parts += [mean / (mean + unit) for unit in self.units]
-        return parts
+        if self.side > 1:
+            maps = _neighbours(disparity, self.side, self.apart_px)
+            disparity = (kept.softmax(1) * maps).sum(1, keepdim=True)
+        return disparity, log_error + math.log(spread_px)
 
 
 class SweepNet(nn.Module):
@@ -301,8 +242,25 @@ class SweepNet(nn.Module):
         self.sweep = _Sweep(config.sweep_width)
         self.fill = _Fill(config.fill_width, config.context_width)
         self.refine = nn.ModuleList(
-            _Refine(config.refine_width, config.context_width) for _ in config.spreads_px
+            _Refine(config.refine_width, config.context_width, neighbours)
+            for _, neighbours in zip(config.spreads_px, config.neighbours, strict=True)
         )
+
+    def hypotheses(self, range_px: tuple[float, float], views: int) -> tuple[int, Tensor]:
+        """How often the views are halved, beyond once, to sweep a range; and the disparities tried.
+
+        Args:
+            range_px: px per adjacent view.
+            views: per direction.
+
+        Returns:
+            the number, and (D,) disparities in the network's unit.
+        """
+        low, high = (bound * (views // 2) / OUTERMOST for bound in range_px)
+        levels = max(0, math.ceil(math.log2(max(high - low, 1e-6) / SPAN)))
+        spacing = self.config.spacing_px * 2**levels
+        count = math.ceil((high - low) / spacing + 1) + 1
+        return levels, torch.linspace(low - spacing / 2, high + spacing / 2, count)
 
     def forward(self, stacks: Tensor, range_px: tuple[float, float] = (-4.0, 4.0)) -> Estimates:
         """Disparity of the centre view.
@@ -315,8 +273,8 @@ class SweepNet(nn.Module):
         if stacks.ndim != 5 or stacks.shape[1] != 4 or stacks.shape[2] % 2 == 0:
             raise ValueError(f"expected (B, 4, odd N, H, W), got {tuple(stacks.shape)}")
         per_unit = OUTERMOST / (stacks.shape[2] // 2)
-        low, high = (bound / per_unit for bound in range_px)
-        levels = max(0, math.ceil(math.log2(max(high - low, 1e-6) / SPAN)))
+        levels, hypotheses = self.hypotheses(range_px, stacks.shape[2])
+        hypotheses = hypotheses.to(stacks.device)
         height, width = stacks.shape[-2:]
         side = 2 ** (levels + 1)
         pad = (0, -width % side, 0, -height % side)
@@ -324,26 +282,26 @@ class SweepNet(nn.Module):
         pyramid = [_stacks(F.avg_pool2d(padded, 2**k), stacks.shape[2]) for k in range(levels + 2)]
 
         half = Views(pyramid[-1])
-        margin = self.config.spacing_px * 2**levels / 2
-        count = math.ceil((high - low + 2 * margin) / (self.config.spacing_px * 2**levels)) + 1
-        hypotheses = torch.linspace(low - margin, high + margin, count, device=stacks.device)
         with torch.no_grad():
             cost = half.costs((hypotheses / side).tolist())
-        seen = torch.cat([half.centre, cost.amin(1)], 1)
-        scores = self.sweep(cost, seen)
+            far, distinct = gathered(cost.mean(2), self.config.spacing_px)
+        seen = torch.cat([half.centre, cost.amin(1), distinct], 1)
+        scores = self.sweep(cost, far, seen)
         swept, spread = _best(scores, hypotheses / 2**levels)
-        disparity, context = self.fill(swept, spread, seen)
-        maps = [disparity]
+        filled, context, weights = self.fill(swept, spread, seen)
+        maps = [_enlarged_by(filled, weights)]
+        first, second, *others = zip(self.refine, self.config.spreads_px, strict=True)
+        refined, _ = first[0](half, filled / 2, first[1], context)
+        disparity = _enlarged_by(2 * refined, weights)
+        maps.append(disparity)
         for level in reversed(range(levels + 1)):
             views = Views(pyramid[level])
-            context = _enlarged(context)
+            context = enlarged(context)
             if level < levels:
-                disparity = 2 * _enlarged(disparity)
-            disparity, log_error = self.refine[0](
-                views, disparity, self.config.spreads_px[0], context
-            )
+                disparity = 2 * enlarged(disparity)
+            disparity, log_error = second[0](views, disparity, second[1], context)
         maps.append(disparity)
-        for refine, spread_px in zip(self.refine[1:], self.config.spreads_px[1:], strict=True):
+        for refine, spread_px in others:
             disparity, log_error = refine(views, disparity, spread_px, context)
             maps.append(disparity)
         maps = [per_unit * m[..., :height, :width] for m in maps]
@@ -374,50 +332,22 @@ def _bumps(disparity: Tensor) -> list[Tensor]:
     return [box_mean(disparity, side) - disparity for side in SMOOTHINGS_PX]
 
 
-def _enlarged(images: Tensor) -> Tensor:
-    return F.interpolate(images, scale_factor=2, mode="bilinear", align_corners=False)
+def _neighbours(images: Tensor, side: int, apart_px: int) -> Tensor:
+    """(B, side^2, H, W) of images (B, 1, H, W): at each place of a square; the border repeats."""
+    reach, (height, width) = side // 2 * apart_px, images.shape[-2:]
+    padded = F.pad(images, (reach,) * 4, mode="replicate")
+    steps = range(0, 2 * reach + 1, apart_px)
+    moved = [padded[..., y : y + height, x : x + width] for y in steps for x in steps]
+    return torch.cat(moved, 1)
 
 
-def _shifted(images: Tensor, rows: float, cols: float) -> Tensor:
-    """images (B, H, W) at (y + rows, x + cols), bilinear; the border repeats."""
-    for axis, by in ((-2, rows), (-1, cols)):
-        if by == 0:
-            continue
-        whole, size = math.floor(by), images.shape[axis]
-        index = torch.arange(whole, whole + size + 1, device=images.device).clamp_(0, size - 1)
-        source = images.index_select(axis, index)
-        images = torch.lerp(source.narrow(axis, 0, size), source.narrow(axis, 1, size), by - whole)
-    return images
-
-
-def sampled(
-    views: Tensor, disparity: Tensor, moves: Sequence[tuple[float, float]], top: int = 0
-) -> Tensor:
-    """Views (B, P, H, W) where they show the centre view's points, bilinear; the border repeats.
-
-    Args:
-        disparity: (B, 1, R, W) of the centre view's rows from `top` on, px per unit of `moves`.
-        moves: (rows, columns) of the views from the centre view. A view at (r, c) shows the point
-            of (x, y) at (x - c d, y - r d).
-
-    Returns:
-        (B, P, R, W).
-    """
-    b, p, h, w = views.shape
-    rows_seen = disparity.shape[-2]
-    y = torch.arange(top, top + rows_seen, device=views.device, dtype=views.dtype).view(1, 1, -1, 1)
-    x = torch.arange(w, device=views.device, dtype=views.dtype).view(1, 1, 1, w)
-    rows, cols = torch.tensor(moves, dtype=views.dtype, device=views.device).T.view(2, 1, p, 1, 1)
-    grid = torch.stack(
-        [(2 * (x - cols * disparity) + 1) / w - 1, (2 * (y - rows * disparity) + 1) / h - 1], -1
-    )
-    seen = F.grid_sample(
-        views.reshape(b * p, 1, h, w),
-        grid.view(b * p, rows_seen, w, 2),
-        padding_mode="border",
-        align_corners=False,
-    )
-    return seen.view(b, p, rows_seen, w)
+def _enlarged_by(disparity: Tensor, weights: Tensor) -> Tensor:
+    """Map (B, 1, h, w) as (B, 1, 2h, 2w): means of the 3x3 around, by (B, 36, h, w) log weights."""
+    b, _, h, w = disparity.shape
+    shares = weights.view(b, 1, 9, 2, 2, h, w).softmax(2)
+    padded = F.pad(disparity, (1,) * 4, mode="replicate")
+    around = F.unfold(padded, 3).view(b, 1, 9, 1, 1, h, w)
+    return (shares * around).sum(2).permute(0, 1, 4, 2, 5, 3).reshape(b, 1, 2 * h, 2 * w)
 
 
 def _bias(layer: nn.Conv2d) -> Tensor:

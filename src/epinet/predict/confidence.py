@@ -30,7 +30,7 @@ from torch.nn import functional as F
 
 from epinet.angular import star_positions
 from epinet.lightfield import LightField
-from epinet.model.sweepnet import sampled
+from epinet.model.matching import sampled
 
 WITHIN_PX = 0.07
 """Errors up to this are what the benchmark calls good."""

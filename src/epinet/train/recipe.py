@@ -24,7 +24,7 @@ from epinet.errors import InputError
 from epinet.io.problems import parsing
 from epinet.model.checkpoint import EPINET, MODELS, SWEEPNET, Network
 from epinet.model.epinet import STREAM_COUNTS, VIEW_COUNTS, Epinet, EpinetConfig
-from epinet.model.sweepnet import SweepNet
+from epinet.model.sweepnet import SweepNet, SweepNetConfig
 from epinet.synth.options import RANGES_PX, Options
 from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, ViewShift
 
@@ -83,6 +83,8 @@ class Recipe(_Model):
     # The network.
     model: str = EPINET
     """"epinet", or "sweepnet"."""
+    shape: Mapping[str, Any] = {}
+    """What differs from SweepNet's shape, see `epinet.model.sweepnet.SweepNetConfig`."""
     views: int = 9
     streams: int = 4
     local_contrast: bool = False
@@ -151,6 +153,8 @@ class Recipe(_Model):
             raise ValueError(f"model: there are {', '.join(MODELS)}, not {self.model}")
         if self.model == SWEEPNET:
             self._possible_for_sweepnet()
+        elif self.shape:
+            raise ValueError("shape: is SweepNet's; EPINET's follows from views and streams")
         elif self.fewer_views:
             raise ValueError("fewer_views: EPINET sees a fixed number of views")
         elif self.start == OWN:
@@ -194,11 +198,15 @@ class Recipe(_Model):
                 f"{names}: SweepNet takes 4 streams of plain gray views of rendered scenes in "
                 f"patches of even size, has no norms, and starts from {OWN} or weights"
             )
+        try:
+            SweepNetConfig(**self.shape)
+        except TypeError as error:
+            raise ValueError(f"shape: {error}") from error
 
     def network(self) -> Network:
         """The network to train, untrained."""
         if self.model == SWEEPNET:
-            return SweepNet()
+            return SweepNet(SweepNetConfig(**self.shape))
         return Epinet(EpinetConfig.of_equal_size(self.streams, self.views))
 
     def chosen_augmentations(self) -> tuple[Augmentation, ...]:

@@ -1,0 +1,219 @@
+"""How well views match under disparities: the part of SweepNet that has no weights.
+
+An arm is the half of a direction that lies on one side of the centre view: what hides a point
+from one arm leaves the opposite one clean. Differences between views count in units of the centre
+view's local contrast. Disparities here are those of views a quarter of the way to the outermost
+ones apart, so that grids of any size look alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from epinet.angular import DIRECTIONS_DEG, direction_positions
+from epinet.model.contrast import local_statistics
+
+UNIT_WINDOW_PX = 9
+"""The local contrast of the centre view is taken over this square."""
+FLOOR = 0.003
+"""Contrast well below this, near a gray level of 255, counts as noise."""
+OUTERMOST = 4
+"""Distance of the outermost views from the centre in the network's own unit of baseline."""
+LEANS = (
+    (0.0, 0.0),
+    *((lean, 0.0) for lean in (-0.06, -0.025, 0.025, 0.06)),
+    *((0.0, lean) for lean in (-0.06, -0.025, 0.025, 0.06)),
+)
+"""How disparity changes (px per px down, px per px to the right) over squares in which costs are
+gathered; the first is the square that faces the camera."""
+GATHERED = 4
+"""Costs of a hypothesis gathered over two sizes of squares: facing the camera, and leaning as
+fits best."""
+
+
+def _arms() -> list[tuple[int, int, int, int]]:
+    """(stream, side, rows, columns) of each arm: the step from one of its views to the next."""
+    arms = []
+    for stream, direction in enumerate(DIRECTIONS_DEG):
+        (row0, col0), (row1, col1) = direction_positions(direction, 3)[1:]
+        for side in (-1, 1):
+            arms.append((stream, side, side * (row1 - row0), side * (col1 - col0)))
+    return arms
+
+
+ARMS = _arms()
+PARTS = 4 * len(ARMS)
+"""Each arm's inner and outer views are told apart, since the inner ones see around more edges; and
+differences count in two units: the contrast around a pixel, and the least of those of the squares
+that hold it, or faint texture beside a strong edge would go unseen."""
+
+
+class Views:
+    """The arms' views beside the centre view, in units of its local contrast.
+
+    Args:
+        stacks: (B, 4, N, H, W) gray, 0..1, in the order of `epinet.angular.DIRECTIONS_DEG`.
+    """
+
+    def __init__(self, stacks: Tensor) -> None:
+        half = stacks.shape[2] // 2
+        self.offsets = [OUTERMOST * k / half for k in range(1, half + 1)]
+        self.inner = [o <= OUTERMOST / 2 or half == 1 for o in self.offsets]
+        self.gray = stacks[:, :1, half]  # (B, 1, H, W)
+        mean, unit = local_statistics(self.gray, UNIT_WINDOW_PX, FLOOR)
+        faint = -F.max_pool2d(-unit, UNIT_WINDOW_PX, 1, UNIT_WINDOW_PX // 2)
+        self.unit, self.units = unit, (unit, faint)
+        self.centre = torch.cat([(self.gray - mean) / unit / 2, unit.log() / 2 + 2], 1)
+        self.arms = [
+            (row, col, torch.stack([stacks[:, s, half + side * k] for k in range(1, half + 1)], 1))
+            for s, side, row, col in ARMS
+        ]
+
+    def costs(self, disparities: Sequence[float]) -> Tensor:
+        """(B, D, PARTS, H, W) mean differences to the centre view under whole planes."""
+        planes = []
+        for d in disparities:
+            parts: list[Tensor] = []
+            for row, col, views in self.arms:
+                moved = [
+                    _shifted(views[:, k], -d * o * row, -d * o * col)
+                    for k, o in enumerate(self.offsets)
+                ]
+                parts += self._parts(torch.stack(moved, 1) - self.gray)
+            planes.append(torch.cat(parts, 1))
+        return torch.stack(planes, 1)
+
+    def least_squares(self, disparity: Tensor, spread_px: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Of views moved by an estimate (B, 1, H, W).
+
+        Returns:
+            residuals (B, 3 * PARTS, H, W) at the estimate, nearer and farther; and of each arm
+            (B, 8, H, W) sums of residual times slope and of slope squared, so that the step which
+            its views ask for is their quotient.
+        """
+        residuals: list[Tensor] = []
+        slopes, matches = [], []
+        for row, col, views in self.arms:
+            moves = [(o * row, o * col) for o in self.offsets]
+            at, near, far = (
+                sampled(views, disparity + by, moves) - self.gray
+                for by in (0, spread_px, -spread_px)
+            )
+            for r in (at, near, far):
+                residuals += self._parts(r)
+            at, slope = at / self.unit, (near - far) / (2 * spread_px * self.unit)
+            slopes.append(-(at * slope).mean(1, keepdim=True))
+            matches.append((slope * slope).mean(1, keepdim=True))
+        return torch.cat(residuals, 1), torch.cat(slopes, 1), torch.cat(matches, 1)
+
+    def _parts(self, differences: Tensor) -> list[Tensor]:
+        """Inner and outer mean (B, 1, H, W) of an arm's differences, in 0..1."""
+        sizes = differences.abs()
+        parts = []
+        for inner in (True, False):
+            chosen = [k for k, is_inner in enumerate(self.inner) if is_inner == inner]
+            mean = sizes[:, chosen or [0]].mean(1, keepdim=True)
+            parts += [mean / (mean + unit) for unit in self.units]
+        return parts
+
+
+def gathered(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:
+    """Costs over squares of 12 and 36 px (of twice the resolution), upright and leaning.
+
+    Args:
+        cost: (B, D, h, w) of hypotheses, at half resolution.
+        spacing_px: between them, at full resolution.
+
+    Returns:
+        (B, D, GATHERED, h, w) deviations from the mean of all hypotheses, in units of what is
+        usual there; and (B, 2, h, w) a logarithm of that unit, for each size.
+    """
+    height, width = cost.shape[-2:]
+    small = F.avg_pool2d(cost, 2, ceil_mode=True, count_include_pad=False)
+    relative, distinct = [], []
+    squares = [_leaning(small, lean, 4 / spacing_px) for lean in LEANS]
+    for upright, *leaning in zip(*squares, strict=True):
+        mean, unit = upright.mean(1, keepdim=True), upright.std(1, keepdim=True)
+        best = torch.stack([upright, *leaning]).amin(0)
+        relative += [(t - mean) / (unit + 0.002) for t in (upright, best)]
+        distinct.append(0.3 * torch.log(unit + 1e-4) + 2)
+    b, count = cost.shape[:2]
+    both = torch.cat([torch.stack(relative, 2).flatten(1, 2), *distinct], 1)
+    both = enlarged(both)[..., :height, :width]
+    return both[:, :-2].view(b, count, GATHERED, height, width), both[:, -2:]
+
+
+def _leaning(cost: Tensor, lean: tuple[float, float], per_px: float) -> list[Tensor]:
+    """Means of costs (B, D, H, W) over squares of 3 and 9 px that lean by `lean` * `per_px`
+    hypotheses per px."""
+    squares = []
+    for step in (1, 3):
+        for axis, by in zip((-2, -1), lean, strict=True):
+            moved = [_moved(cost, axis, k * step, k * step * by * per_px) for k in (-1, 1)]
+            cost = (cost + moved[0] + moved[1]) / 3
+        squares.append(cost)
+    return squares
+
+
+def _moved(cost: Tensor, axis: int, by_px: int, by_hypotheses: float) -> Tensor:
+    """cost (B, D, H, W) at (d + by_hypotheses, y or x + by_px); the border repeats."""
+    for along, by in ((axis, float(by_px)), (1, by_hypotheses)):
+        cost = _along(cost, along, by)
+    return cost
+
+
+def enlarged(images: Tensor) -> Tensor:
+    """Images (B, C, H, W) as (B, C, 2H, 2W), bilinear."""
+    return F.interpolate(images, scale_factor=2, mode="bilinear", align_corners=False)
+
+
+def _shifted(images: Tensor, rows: float, cols: float) -> Tensor:
+    """images (B, H, W) at (y + rows, x + cols), bilinear; the border repeats."""
+    return _along(_along(images, -2, rows), -1, cols)
+
+
+def _along(images: Tensor, axis: int, by: float) -> Tensor:
+    """images `by` px further along an axis, linear; the border repeats."""
+    if by == 0:
+        return images
+    whole, size = math.floor(by), images.shape[axis]
+    index = torch.arange(whole, whole + size + 1, device=images.device).clamp_(0, size - 1)
+    source = images.index_select(axis, index)
+    if by == whole:
+        return source.narrow(axis, 0, size)
+    return torch.lerp(source.narrow(axis, 0, size), source.narrow(axis, 1, size), by - whole)
+
+
+def sampled(
+    views: Tensor, disparity: Tensor, moves: Sequence[tuple[float, float]], top: int = 0
+) -> Tensor:
+    """Views (B, P, H, W) where they show the centre view's points, bilinear; the border repeats.
+
+    Args:
+        disparity: (B, 1, R, W) of the centre view's rows from `top` on, px per unit of `moves`.
+        moves: (rows, columns) of the views from the centre view. A view at (r, c) shows the point
+            of (x, y) at (x - c d, y - r d).
+
+    Returns:
+        (B, P, R, W).
+    """
+    b, p, h, w = views.shape
+    rows_seen = disparity.shape[-2]
+    y = torch.arange(top, top + rows_seen, device=views.device, dtype=views.dtype).view(1, 1, -1, 1)
+    x = torch.arange(w, device=views.device, dtype=views.dtype).view(1, 1, 1, w)
+    rows, cols = torch.tensor(moves, dtype=views.dtype, device=views.device).T.view(2, 1, p, 1, 1)
+    grid = torch.stack(
+        [(2 * (x - cols * disparity) + 1) / w - 1, (2 * (y - rows * disparity) + 1) / h - 1], -1
+    )
+    seen = F.grid_sample(
+        views.reshape(b * p, 1, h, w),
+        grid.view(b * p, rows_seen, w, 2),
+        padding_mode="border",
+        align_corners=False,
+    )
+    return seen.view(b, p, rows_seen, w)
