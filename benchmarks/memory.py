@@ -3,7 +3,8 @@
     python benchmarks/memory.py
 
 Each tile runs in a process of its own; its peak above that of the smallest tile, per pixel that the
-network sees, is printed in floats (for EPINET per channel of the merge part, too).
+network sees, is printed in floats (for EPINET per channel of the merge part, too). What SweepNet's
+sweep takes goes with the number of hypotheses, so it is measured for two ranges.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from epinet.model.sweepnet import SweepNet
 from epinet.predict.tiling import run_overlapping, run_tiled
 from epinet.synth.options import RANGES_PX
 
-SIDES_PX = {"epinet": (1, 96, 192, 384), "sweepnet": (32, 256, 512, 768)}
+SIDES_PX = {"epinet": (1, 96, 192, 384), "hci": (32, 256, 512, 768), "narrow": (32, 256, 512, 768)}
+"""For EPINET, and for SweepNet by range."""
 
 
 def peak_mb(model: str, side: int) -> float:
@@ -29,7 +31,7 @@ def peak_mb(model: str, side: int) -> float:
         run_tiled(Epinet().eval().to(memory_format=torch.channels_last), stacks, side)
     else:
         sweepnet = SweepNet().eval().to(memory_format=torch.channels_last)
-        run_overlapping(sweepnet, stacks, RANGES_PX["hci"], 1e6)
+        run_overlapping(sweepnet, stacks, RANGES_PX[model], 1e6)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
@@ -43,6 +45,8 @@ def main() -> None:
             for side in sides
         )
         margin, channels = (2 * MARGIN_PX, 280) if model == "epinet" else (0, 1)
+        if model != "epinet":
+            print(f"{len(SweepNet().hypotheses(RANGES_PX[model], 9)[1])} hypotheses:")
         for side, peak in zip(sides[1:], peaks, strict=True):
             floats = (peak - base) * 2**20 / 4 / (side + margin) ** 2 / channels
             print(f"{model}, {side} px: {peak - base:.0f} MB, {floats:.1f} floats")

@@ -24,8 +24,9 @@ FLOATS_PER_PX_AND_CHANNEL = 5.3
 OVERLAP_PX = 64
 """What SweepNet's tiles share with each neighbour."""
 
-SWEEPNET_FLOATS_PER_PX = 1010
-"""Peak of what SweepNet holds at once for -4..4 px (see benchmarks/memory.py)."""
+FLOATS_PER_PX, FLOATS_PER_PX_AND_HYPOTHESIS = 950, 60
+"""Peaks of what SweepNet holds at once: while it refines, and while it sweeps (measured; see
+benchmarks/memory.py)."""
 
 
 def tile_side_px(net: Epinet, memory_mb: float) -> int:
@@ -77,7 +78,9 @@ def run_overlapping(
 ) -> tuple[Tensor, Tensor]:
     """Disparity and its expected error (H, W), both px, of stacks (4, N, H, W)."""
     height, width = stacks.shape[-2:]
-    side = math.isqrt(int(memory_mb * 2**20 / 4 / SWEEPNET_FLOATS_PER_PX))
+    levels, hypotheses = net.hypotheses(range_px, stacks.shape[1])
+    swept = FLOATS_PER_PX_AND_HYPOTHESIS * len(hypotheses) / 4**levels
+    side = math.isqrt(int(memory_mb * 2**20 / 4 / max(FLOATS_PER_PX, swept)))
     inner = max(64, side - 2 * OVERLAP_PX) if max(height, width) > side else side
     disparity, error = torch.empty(2, height, width, device=stacks.device)
     for top, bottom, left, right in _tiles(height, width, inner):
