@@ -39,6 +39,8 @@ def scored(s: dict[str, float]) -> list[str]:
     return [f"{s[key]:.2f}" for key in ("badpix_0.07", "badpix_0.03", "badpix_0.01", "mse_x100")]
 
 
+SETS = ("held-out", "path-traced")
+"""That the variants of the ablation are scored on."""
 SCORES = ["BadPix(.07)", "(.03)", "(.01)", "MSE x100"]
 
 
@@ -100,6 +102,34 @@ def validation() -> Iterator[str]:
     ]
     head = [f"{name} {score}" for name in models for score in SCORES]
     yield table(["set", "part", *head], rows)
+    yield "The parts without texture and with mirrors, by the same command with `--picture`:"
+    yield "![hard parts](images/hard_parts.jpg)"
+
+
+def ablation() -> Iterator[str]:
+    report = read("sweepnet_ablation")
+    yield "## What each part of SweepNet is worth"
+    yield (
+        f"`python benchmarks/sweepnet_ablation.py` on {report['machine']}, one thread each: every "
+        f"variant from scratch, {report['steps']} steps of the shipped weights' recipe in small "
+        "patches, the same scenes in the same order. So short a training shows what helps, not how "
+        "good it gets; differences within that of the two seeds of the whole network are undecided."
+    )
+    scores = {"badpix_0.07": "BadPix(.07)", "badpix_0.03": "(.03)", "mse_x100": "MSE x100"}
+    rows = [
+        [
+            variant["says"],
+            f"{variant['cpu_minutes']:.1f}",
+            *(
+                f"{variant[s][k]:.2f}"
+                for s in SETS
+                for k in ("badpix_0.07", "badpix_0.03", "mse_x100")
+            ),
+        ]
+        for variant in report["variants"].values()
+    ]
+    head = ["variant", "CPU min", *(f"{s} {label}" for s in SETS for label in scores.values())]
+    yield table(head, rows)
 
 
 def cost() -> Iterator[str]:
@@ -177,6 +207,7 @@ def page() -> str:
         "real_light_fields": real,
         "validation_sets": validation,
         "models": cost,
+        "sweepnet_ablation": ablation,
         "calibration": calibration,
         "training_curves": curves,
     }
