@@ -107,46 +107,35 @@ class _Sweep(nn.Module):
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.first = nn.Conv2d(PARTS, 3 * width, 1)
-        self.far = nn.Conv2d(GATHERED, 3 * width, 1, bias=False)
+        self.first = nn.Conv2d(PARTS + GATHERED, 3 * width, 1)
         self.shared = nn.Conv2d(SEEN, width, 3, padding=1)
         self.body = nn.ModuleList(_Residual(width, d) for d in (1, 2, 4))
         self.score = nn.Conv2d(width, 1, 3, padding=1)
 
-    def forward(self, cost: Tensor, wide: Tensor, seen: Tensor) -> Tensor:
-        """Scores (B, D, h, w).
-
-        Args:
-            cost: (B, D, PARTS, h, w) of the hypotheses.
-            wide: (B, D, GATHERED, h, w) of the same, over wide squares.
-            seen: (B, SEEN, h, w) of no hypothesis.
-        """
+    def planes(self, cost: Tensor, seen: Tensor) -> Tensor:
+        """Costs (B, D, PARTS + GATHERED, h, w) and what is SEEN -> features (B, D, C, h, w)."""
         b, count = cost.shape[:2]
-        shared = self.shared(seen)
-        costs, far = cost.flatten(0, 1), wide.flatten(0, 1)
-        own, before, after = (
-            (*parts, far_part)
-            for *parts, far_part in zip(
-                self.first.weight.chunk(3),
-                _bias(self.first).chunk(3),
-                self.far.weight.chunk(3),
-                strict=True,
-            )
+        own, before, after = zip(
+            self.first.weight.chunk(3), _bias(self.first).chunk(3), strict=True
         )
-        x = _mixed(costs, far, *own)
-        planes = x.view(b, count, *x.shape[1:])  # one after the other, for the sake of memory
-        planes += shared[:, None]
-        planes[:, 1:] += _mixed(costs, far, *before).view_as(planes)[:, :-1]
-        planes[:, :-1] += _mixed(costs, far, *after).view_as(planes)[:, 1:]
+        # In the layout of the convolutions, once for all three; these one after the other, for
+        # the sake of memory.
+        costs = cost.flatten(0, 1).contiguous(memory_format=torch.channels_last)
+        x = F.conv2d(costs, *own)
+        planes = x.view(b, count, *x.shape[1:])
+        planes += self.shared(seen)[:, None]
+        planes[:, 1:] += F.conv2d(costs, *before).view_as(planes)[:, :-1]
+        planes[:, :-1] += F.conv2d(costs, *after).view_as(planes)[:, 1:]
+        return planes
+
+    def forward(self, planes: Tensor) -> Tensor:
+        """Features (B, D, C, h, w) -> scores (B, D, h, w)."""
+        b, count = planes.shape[:2]
+        x = planes.flatten(0, 1)
         for block in self.body:
             x = block(_exchanged(x, count))
         scores: Tensor = self.score(F.relu(x))
-        return scores.view(b, count, *cost.shape[-2:])
-
-
-def _mixed(costs: Tensor, far: Tensor, weight: Tensor, bias: Tensor, far_weight: Tensor) -> Tensor:
-    mixed: Tensor = F.conv2d(costs, weight, bias).add_(F.conv2d(far, far_weight))
-    return mixed
+        return scores.view(b, count, *x.shape[-2:])
 
 
 def _exchanged(x: Tensor, count: int) -> Tensor:
@@ -284,9 +273,11 @@ class SweepNet(nn.Module):
         half = Views(pyramid[-1])
         with torch.no_grad():
             cost = half.costs((hypotheses / side).tolist())
-            far, distinct = gathered(cost.mean(2), self.config.spacing_px)
+            wide, distinct = gathered(cost.mean(2), self.config.spacing_px)
         seen = torch.cat([half.centre, cost.amin(1), distinct], 1)
-        scores = self.sweep(cost, far, seen)
+        planes = self.sweep.planes(torch.cat([cost, wide], 2), seen)
+        del cost, wide  # they are large
+        scores = self.sweep(planes)
         swept, spread = _best(scores, hypotheses / 2**levels)
         filled, context, weights = self.fill(swept, spread, seen)
         maps = [_enlarged_by(filled, weights)]
