@@ -42,7 +42,7 @@ def predict(
     step: Annotated[int, typer.Option(min=1, help="Take every so many views of a large grid.")] = 1,
     memory: Annotated[
         float, typer.Option(help="Bound on the network's memory in MB; smaller works in tiles.")
-    ] = 1024,
+    ] = 1536,
     refine: Annotated[
         bool | None,
         typer.Option(

@@ -40,7 +40,7 @@ from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
 from epinet.refine import compensated, refined
 from epinet.synth.options import RANGES_PX
 
-DEFAULT_MEMORY_MB = 1024.0
+DEFAULT_MEMORY_MB = 1536.0
 LOW_CONFIDENCE = 0.5
 
 LEAST_SLACK_PX, SLACK = 0.5, 0.1
