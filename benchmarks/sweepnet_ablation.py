@@ -176,8 +176,8 @@ def main() -> None:
     report: dict[str, Any] = {"machine": args.machine, "steps": args.steps, "variants": {}}
     if args.output.exists():
         saved = json.loads(args.output.read_text())
-        if saved["steps"] != args.steps:
-            parser.error(f"{args.output}: holds runs of {saved['steps']} steps; name another file")
+        if saved["steps"] != args.steps or "note" in saved:
+            parser.error(f"{args.output}: holds other runs ({saved['steps']} steps); remove it")
         report["variants"] = saved["variants"]
     missing = [name for name in args.only if name not in report["variants"]]
     spawning = multiprocessing.get_context("spawn")

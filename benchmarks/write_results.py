@@ -113,7 +113,7 @@ def ablation() -> Iterator[str]:
         f"`python benchmarks/sweepnet_ablation.py` on {report['machine']}, one thread each: every "
         f"variant from scratch, {report['steps']} steps of the shipped weights' recipe in small "
         "patches, the same scenes in the same order. So short a training shows what helps, not how "
-        "good it gets; differences within that of the two seeds of the whole network are undecided."
+        "good it gets; one seed, so small differences are undecided. " + report.get("note", "")
     )
     scores = {"badpix_0.07": "BadPix(.07)", "badpix_0.03": "(.03)", "mse_x100": "MSE x100"}
     rows = [
