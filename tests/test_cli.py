@@ -593,3 +593,20 @@ def test_synth_from_nothing_to_a_data_set_with_a_sheet(tmp_path):
     before = snapshot(tmp_path)
     assert run(*synth(tmp_path, "--range", "-1,1", "--star", "--resume")).returncode == 0
     assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize(("own", "spins"), [(None, "1000"), ("7", "7")])
+def test_waiting_threads_let_other_programs_work(own, spins):
+    """Set before torch is loaded, which reads it once; what the user set stays."""
+    script = (
+        "import os, sys\n"
+        "from epinet.cli import main\n"
+        "early = 'torch' not in sys.modules\n"
+        "sys.argv = ['epinet', '--version']\n"
+        "try: main()\n"
+        "except SystemExit: print(early, os.environ['GOMP_SPINCOUNT'])\n"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "GOMP_SPINCOUNT"}
+    environment |= {} if own is None else {"GOMP_SPINCOUNT": own}
+    out = subprocess.check_output([sys.executable, "-c", script], env=environment, text=True)
+    assert out.splitlines()[-1] == f"True {spins}"
