@@ -17,7 +17,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import timedelta
 from functools import cached_property
 from pathlib import Path
@@ -36,12 +36,10 @@ from epinet.model.checkpoint import (
     LOCAL_CONTRAST,
     Network,
     Weights,
-    load_weights,
     save_weights,
 )
 from epinet.model.epinet import Epinet
-from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
-from epinet.model.normed import add_norms, calibrate_norms, without_norms
+from epinet.model.normed import add_norms, without_norms
 from epinet.model.sweepnet import SweepNet
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
@@ -51,7 +49,8 @@ from epinet.train.log import Log
 from epinet.train.losses import batch_loss
 from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
-from epinet.train.recipe import DIFFERENCES, GLOROT, OWN, Recipe
+from epinet.train.recipe import Recipe
+from epinet.train.start import as_epinet, begin
 from epinet.train.validation import (
     Validation,
     fitted_calibration,
@@ -130,9 +129,9 @@ class Run:
         self.started_from: dict[str, Any] | None = None
         resumed = self._checkpoint.exists()
         if not resumed:
-            self._begin()
+            self.started_from = begin(self.net, recipe, self.batches[0])
         elif recipe.norms:
-            add_norms(_epinet(self.net))
+            add_norms(as_epinet(self.net))
         self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = AveragedModel(self.net, avg_fn=self._average)
         self.optimisers = Optimisers(self.net, recipe)
@@ -150,21 +149,6 @@ class Run:
     @property
     def _checkpoint(self) -> Path:
         return self.folder / "last.pt"
-
-    def _begin(self) -> None:
-        recipe = self.recipe
-        if recipe.start == DIFFERENCES:
-            start_on_differences(_epinet(self.net))
-        elif recipe.start == GLOROT:
-            start_as_keras(_epinet(self.net))
-        elif recipe.start != OWN:
-            start = load_weights(recipe.start)
-            self.started_from = start.metadata
-            self.net.load_state_dict(_fitted(start, self.net).state_dict())
-        if recipe.norms:
-            add_norms(_epinet(self.net))
-            if not recipe.from_scratch:
-                calibrate_norms(_epinet(self.net), self.batches[0](0).stacks.cpu())
 
     def _average(self, average: Tensor, new: Tensor, updates: Tensor | int) -> Tensor:
         decay = min(self.recipe.averaging, (1 + int(updates)) / (10 + int(updates)))
@@ -420,28 +404,6 @@ class Run:
             f"step {self.step} of {self.recipe.steps}, loss {loss:.4f}, {steps_per_s:.2f} steps/s, "
             f"{left} left"
         )
-
-
-def _fitted(start: Weights, net: Network) -> Network:
-    """Trained weights for a network that sees as many views, or fewer."""
-    theirs, ours = start.net, net
-    if isinstance(theirs, Epinet) and isinstance(ours, Epinet):
-        views = ours.config.views
-        if replace(theirs.config, views=views) == ours.config:
-            if theirs.config.views >= views:
-                return with_fewer_views(theirs, views)
-            raise InputError(
-                f"{start.source}: weights of {theirs.config.views} views are no start for {views}; "
-                "the other way round they are"
-            )
-    elif theirs.config == ours.config:
-        return theirs
-    raise InputError(f"{start.source}: weights of another network than the recipe's")
-
-
-def _epinet(net: Network) -> Epinet:
-    assert isinstance(net, Epinet)
-    return net
 
 
 def _norms(net: nn.Module) -> list[nn.BatchNorm2d]:
