@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from torch import Tensor
 from torch.nn import functional as F
 
+from epinet.model.contrast import box_mean
+
 WINDOW_PX = 9
 """A disparity is taken to be the same over this square."""
 
@@ -41,10 +43,5 @@ def disparity_deviation(
     variance = noise * noise
     # Noise itself has differences: half its variance in each direction.
     texture = cols * across**2 + rows * down**2 - 0.5 * (rows + cols) * variance
-    pixels = WINDOW_PX**2
-    information = pixels * _mean(texture).clamp_min(0) / _mean(variance + other * other)
-    return information.rsqrt()
-
-
-def _mean(images: Tensor) -> Tensor:
-    return F.avg_pool2d(images, WINDOW_PX, 1, WINDOW_PX // 2, count_include_pad=False)
+    told, against = (box_mean(t, WINDOW_PX) for t in (texture, variance + other * other))
+    return (WINDOW_PX**2 * told.clamp_min(0) / against).rsqrt()
