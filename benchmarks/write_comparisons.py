@@ -48,9 +48,10 @@ runs every method on every light field in a process of its own, with the same nu
   search for the range of disparities (SweepNet) and the confidence.
 
 The structure tensor and the plane sweep are told the range of disparities that `parameters.cfg`
-states; SweepNet finds it itself, EPINET has none to be told. None of the methods has seen these
-scenes, and nothing was tuned on them; SweepNet and EPINET were trained on rendered scenes of our
-own generator. The path-traced scenes are of another renderer (`make pathtraced`, 256x256 px)."""
+states; SweepNet finds it itself, EPINET has none to be told. SweepNet and EPINET were trained
+on rendered scenes of our own generator, on none of these. SweepNet's parts and the slants of its
+training scenes were chosen with the path-traced set in view, which is of another renderer (`make
+pathtraced`, 256x256 px); on `antinous` nothing was tuned."""
 
 TABLES = """## The paper's tables
 
