@@ -49,8 +49,8 @@ def weights() -> Iterator[str]:
     yield (
         "Trained on rendered scenes alone, on an AMD EPYC: SweepNet on two cores, EPINET on one. "
         "Scores: small rendered scenes of held-out textures and shapes, by the generator named: "
-        "scores of different generators do not compare. Steps and minutes are those of the last run, "
-        "after the weights that it starts from."
+        "scores of different generators do not compare. Steps and minutes are those of the last "
+        "run, after the weights that it starts from."
     )
     rows = []
     for name in shipped_weights():
@@ -113,9 +113,10 @@ def ablation() -> Iterator[str]:
     yield "## What each part of SweepNet is worth"
     yield (
         f"`python benchmarks/sweepnet_ablation.py -o FILE` on {report['machine']}, one "
-        f"thread each: every variant from scratch, {report['steps']} steps of the shipped weights' recipe in small "
-        "patches, the same scenes in the same order. So short a training shows what helps, not how "
-        "good it gets; one seed, so small differences are undecided. " + report.get("note", "")
+        f"thread each: every variant from scratch, {report['steps']} steps of the shipped weights' "
+        "recipe in small patches, the same scenes in the same order. So short a training shows "
+        "what helps, not how good it gets; one seed, so small differences are undecided. "
+        + report.get("note", "")
     )
     scores = {"badpix_0.07": "BadPix(.07)", "badpix_0.03": "(.03)", "mse_x100": "MSE x100"}
     rows = [
@@ -190,8 +191,8 @@ def curves() -> Iterator[str]:
     yield "## The paper's recipe and ours"
     yield (
         f"`python benchmarks/training_curves.py -o FILE`: the same {report['scenes']} rendered "
-        f"scenes, the same CPU time, {report['machine']}, float32 for the paper's, bf16 for ours; validated on "
-        "small rendered scenes of held-out kinds."
+        f"scenes, the same CPU time, {report['machine']}, float32 for the paper's, bf16 for ours; "
+        "validated on small rendered scenes of held-out kinds."
     )
     rows = [["best constant map", "-", "-", *scored(constant)]]
     for name, run in report["runs"].items():

@@ -88,11 +88,11 @@ def wide(results: Path, runs: Path, count: int, machine: str) -> Table:
         "Table 3: the wide-baseline set",
         f"{count} light fields of {width}x{height} px, -25..5 px, rendered by `epinet synth OUT "
         f"--scenes {count} --range wide --seed {WIDE_SEED} --star`, since the original set is not "
-        f"to be had; shipped weights, {machines(reports)}. SweepNet measures the range and searches it on smaller "
-        f"pictures first; EPINET sees the views at 1/{WIDE_SCALE} of their size "
-        f"(`--scale {WIDE_SCALE}`). RMSE and MAE of a scene, without its border of 15 px. The "
-        "paper trained on 250 and tested on 50 light fields of Heber's set; its time is 0.93 s "
-        "on a GPU.",
+        f"to be had; shipped weights, {machines(reports)}. SweepNet measures the range and "
+        "searches it on smaller pictures first; EPINET sees the views at "
+        f"1/{WIDE_SCALE} of their size (`--scale {WIDE_SCALE}`). RMSE and MAE of a scene, without "
+        "its border of 15 px. The paper trained on 250 and tested on 50 light fields of Heber's "
+        "set; its time is 0.93 s on a GPU.",
         {"rmse_px": "RMSE, px", "mae_px": "MAE, px", "cpu_s": "CPU s"},
         Spread.SCENES,
         rows,
