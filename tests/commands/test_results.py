@@ -229,3 +229,22 @@ def test_bad_input_gets_a_clear_message_and_leaves_nothing(
     assert re.search(says, done.stderr), done.stderr
     assert done.stdout == ""
     assert files(tmp_path) == before
+
+
+def test_what_is_hardly_nearer_than_infinity_is_no_part_of_a_mesh(run, tmp_path):
+    """A wall of sky, its disparity off by .02 px here and there, would be kilometres deep."""
+    views = np.random.default_rng(0).integers(0, 256, (3, 3, 40, 48, 3)).astype(np.uint8)
+    write_light_field(tmp_path / "views", LightField(views, camera=CAMERA), "hci")
+    depth = np.where(np.arange(48) < 24, NEAR_MM, np.inf) * np.ones((40, 1))
+    disparity = CAMERA.disparity_px(depth)
+    disparity[:, 24:] += np.random.default_rng(1).uniform(-0.02, 0.02, (40, 24)).astype("f4")
+    lf = read_light_field(tmp_path / "views")
+    Result(disparity, np.ones((40, 48), np.float32), lf).save(tmp_path / "result")
+    done = run("mesh", tmp_path / "result", "-o", tmp_path / "near.ply")
+    assert done.status == 0, done.stderr
+    farthest = CAMERA.baseline_focal_mm_px / 0.1
+    assert f"farther than {farthest:.4g} mm" in done.stderr and "50.0 %" in done.stderr
+    mesh = trimesh.load(tmp_path / "near.ply", process=False)
+    assert np.ptp(mesh.vertices, axis=0)[2] < 1
+    done = run("mesh", tmp_path / "result", "-o", tmp_path / "all.ply", "--far-mm", "inf")
+    assert done.status == 0 and "left out" not in done.stderr

@@ -7,6 +7,7 @@ from epinet.camera import Camera
 from epinet.errors import InputError
 from epinet.geometry.assumed import assumed_camera
 from epinet.geometry.calibration import Point, calibrate
+from epinet.io.camera_file import CameraFacts
 
 CAMERA = Camera(50, 36, 5, 800, 160, 120)
 
@@ -104,9 +105,24 @@ def test_texts_that_are_no_points_are_refused(text):
 
 def test_an_assumed_camera_spans_what_it_says():
     disparity = np.linspace(-3, 2, 120 * 160, dtype=np.float32).reshape(120, 160)
-    camera = assumed_camera(disparity).camera((120, 160))
+    facts, _ = assumed_camera(disparity, CameraFacts())
+    camera = facts.camera((120, 160))
     found = np.percentile(camera.depth_mm(disparity), [1, 99])
     np.testing.assert_allclose(found, [1000, 2000], rtol=1e-3)
     assert 2 * np.degrees(np.arctan(80 / camera.focal_px)) == pytest.approx(40)
-    flat = assumed_camera(np.ones((120, 160), np.float32)).camera((120, 160))
+    flat, _ = assumed_camera(np.ones((120, 160), np.float32), CameraFacts())
+    flat = flat.camera((120, 160))
     assert np.isfinite(flat.depth_mm(np.ones(1))).all()
+
+
+@pytest.mark.parametrize(
+    "known",
+    [CameraFacts(fov_deg=80), CameraFacts(focal_length_mm=20, sensor_size_mm=36, baseline_mm=7)],
+)
+def test_an_assumed_camera_keeps_the_view_that_is_known(known):
+    disparity = np.linspace(-3, 2, 120 * 160, dtype=np.float32).reshape(120, 160)
+    facts, made_up = assumed_camera(disparity, known)
+    assert "view of" not in made_up
+    focal_px = 80 / np.tan(np.radians(40)) if known.fov_deg else 160 * 20 / 36
+    assert facts.camera((120, 160)).focal_px == pytest.approx(focal_px)
+    assert facts.baseline_mm is None  # made up with the depths

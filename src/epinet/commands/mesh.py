@@ -17,6 +17,7 @@ from epinet.commands.camera import (
     SensorOption,
     known_camera,
 )
+from epinet.commands.common import remark
 from epinet.errors import InputError
 
 
@@ -53,7 +54,12 @@ def mesh(
         float | None, typer.Option("--near-mm", help="Leave out (.stl: flatten) what is nearer.")
     ] = None,
     far_mm: Annotated[
-        float | None, typer.Option("--far-mm", help="Leave out (.stl: flatten) what is farther.")
+        float | None,
+        typer.Option(
+            "--far-mm",
+            help="Leave out (.stl: flatten) what is farther; default: where the map's noise moves "
+            "a point by a third of its depth (.stl: nothing).",
+        ),
     ] = None,
     size_mm: Annotated[
         float | None, typer.Option("--size-mm", help=".stl: longer side as printed [100].")
@@ -79,9 +85,9 @@ def mesh(
     """Make a mesh of a result: what its centre view sees, cut at depth edges, in true size."""
     import numpy as np
 
-    from epinet.geometry.assumed import ASSUMPTION, assumed_camera
+    from epinet.geometry.assumed import assumed_camera
     from epinet.geometry.solid import Print, solid
-    from epinet.geometry.surface import surface
+    from epinet.geometry.surface import farthest_mm, surface
     from epinet.geometry.surface_files import check_suffix, is_solid, write_solid, write_surface
     from epinet.predict.stored import read_result
 
@@ -100,7 +106,7 @@ def mesh(
         focus=focus_mm,
     )
     if not_metric:
-        facts, origin = assumed_camera(stored.disparity), ASSUMPTION
+        facts, origin = assumed_camera(stored.disparity, facts)
     try:
         known = facts.camera(stored.size)
     except InputError as error:
@@ -116,8 +122,14 @@ def mesh(
         print(printed.describe())
         written = [output]
     else:
-        nearest, farthest = near_mm or 0, np.inf if far_mm is None else far_mm
-        keep = sure & (depth_mm >= nearest) & (depth_mm <= farthest)
+        farthest = farthest_mm(known) if far_mm is None else far_mm
+        keep = sure & (depth_mm >= (near_mm or 0)) & (depth_mm <= farthest)
+        lost = int((sure & (depth_mm > farthest)).sum())
+        if far_mm is None and lost:
+            remark(
+                f"note: {100 * lost / depth_mm.size:.1f} % of the pixels are left out, farther "
+                f"than {farthest:.4g} mm, where the map tells little (--far-mm inf keeps them)"
+            )
         shape = surface(stored.disparity, stored.centre_view, known, keep=keep, cut_px=cut_px)
         if faces is not None:
             shape = shape.simplified(faces, known)

@@ -27,6 +27,8 @@ from epinet.errors import InputError
 from epinet.geometry.points import project, unproject
 
 NOISE_PX = 0.03
+FAR_PX = 0.1
+"""Disparity from infinity below which noise moves a point by a third of its depth, or more."""
 STEEPEST_DEG = 80.0
 SMALLEST_PIECE = 5e-4
 """Pieces of fewer points than this share of the picture's pixels are left out."""
@@ -90,6 +92,11 @@ class Surface:
 
     def _channels(self) -> NDArray[np.float32]:
         return np.moveaxis(self.picture.astype(np.float32), 2, 0)
+
+
+def farthest_mm(camera: Camera) -> float:
+    """Depth up to which a disparity map says where things are."""
+    return camera.baseline_focal_mm_px / FAR_PX
 
 
 def largest_step_px(disparity: NDArray[Any], camera: Camera) -> NDArray[np.float64]:
