@@ -92,3 +92,16 @@ def test_shapes_and_types_that_are_no_views(views):
 def test_truth_of_another_size_is_refused():
     with pytest.raises(InputError, match="truth is 6x4 px, the views are 5x4 px"):
         LightField(np.zeros((3, 3, 4, 5, 1), np.uint8), truth=np.zeros((4, 6), np.float32))
+
+
+def test_the_reference_is_named_by_the_grid_that_was_read():
+    assert labelled(13, 13).central(7, step=2).reference == "row 6, column 6 (counted from 0)"
+    twice = labelled(13, 13).central(7, step=2).central(3, step=2)
+    assert (twice.grid_origin, twice.grid_step) == ((2, 2), 4)
+    assert positions(twice)[0][0] == (2, 2)
+
+
+@pytest.mark.parametrize(("views", "step"), [(8, 1), (0, 1), (-3, 1), (3, 0)])
+def test_views_that_have_no_centre_are_refused(views, step):
+    with pytest.raises(InputError, match="must be odd"):
+        labelled(9, 9).central(views, step)

@@ -49,6 +49,8 @@ class LightField:
     """Name of the layout on disk."""
     grid_origin: tuple[int, int] = (0, 0)
     """(row, col) of views[0, 0] in the grid that was read."""
+    grid_step: int = 1
+    """How many views of the grid that was read lie from one of these to the next."""
     notes: tuple[str, ...] = ()
     """What a user should know about how it was read."""
     captured: bool = False
@@ -97,7 +99,8 @@ class LightField:
     def reference(self) -> str:
         """The reference view in words."""
         (row, col), (row0, col0) = self.centre, self.grid_origin
-        return f"row {row + row0}, column {col + col0} (counted from 0)"
+        row, col = row0 + self.grid_step * row, col0 + self.grid_step * col
+        return f"row {row}, column {col} (counted from 0)"
 
     def rgb(self, row: int, col: int) -> NDArray[np.float32]:
         """One view as (H, W, 3) in 0..1."""
@@ -132,8 +135,12 @@ class LightField:
         keeps its truth.
 
         Raises:
-            InputError: the grid is too small.
+            InputError: the grid is too small, or no such views can be.
         """
+        if views < 1 or views % 2 == 0 or step < 1:
+            raise InputError(
+                f"{views}x{views} views, every {step}th: the number must be odd, the step positive"
+            )
         reach = step * (views // 2)
         row, col = self.centre
         if min(row, col) < reach or row + reach >= self.grid[0] or col + reach >= self.grid[1]:
@@ -161,7 +168,8 @@ class LightField:
             truth=None if self.truth is None else self.truth * np.float32(step),
             view_truths={},
             camera=camera,
-            grid_origin=(row0 + rows.start, col0 + cols.start),
+            grid_origin=(row0 + self.grid_step * rows.start, col0 + self.grid_step * cols.start),
+            grid_step=self.grid_step * step,
         )
 
     def reordered(

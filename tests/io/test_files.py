@@ -111,7 +111,9 @@ def test_lenslets_become_views(tmp_path: Path, short: tuple[int, int]) -> None:
         np.testing.assert_array_equal(lf.views[row, col], image[row + 3 :: 14, col + 3 :: 14])
 
 
-@pytest.mark.parametrize("size", [(512, 512), (14 * 24 - 3, 14 * 30), (14 * 24, 14 * 30 + 1)])
+@pytest.mark.parametrize(
+    "size", [(512, 512), (14 * 24, 14 * 30), (14 * 24 - 3, 14 * 30), (14 * 24, 14 * 30 + 1)]
+)
 def test_an_image_of_another_size(tmp_path: Path, size: tuple[int, int]) -> None:
     write_png(tmp_path / "photo.png", np.ones(size, np.uint8))
     assert f"{size[1]}x{size[0]} px; an ESLF image" in problem(tmp_path / "photo.png")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -336,3 +337,38 @@ def test_real_folders(real: Path) -> None:
     assert kitchen.masks["invalid"].any()
     lytro = read_light_field(real / "lytro_2067")
     assert (lytro.layout, lytro.grid, lytro.size) == ("rows_cols", (9, 9), (383, 552))
+
+
+def test_one_missing_of_a_small_grid(tmp_path: Path, make: MakeLightField) -> None:
+    """Nothing is numbered above 24, so the grid is 5x5 and not a rest of 9x9."""
+    write_light_field(tmp_path / "scene", make(5), "hci")
+    (tmp_path / "scene" / "parameters.cfg").unlink(missing_ok=True)
+    (tmp_path / "scene" / "input_Cam012.png").unlink()
+    (found,) = problems(tmp_path / "scene")
+    assert "input_Cam012.png: missing" in found
+
+
+def test_a_skipped_number_is_named(tmp_path: Path, make: MakeLightField) -> None:
+    write_light_field(tmp_path / "shots", make(5), "numbered")
+    for index in range(24, 11, -1):
+        (tmp_path / "shots" / f"{index:03d}.png").rename(
+            tmp_path / "shots" / f"{index + 1:03d}.png"
+        )
+    (found,) = problems(tmp_path / "shots")
+    assert "The 25 images would fill one: 12 skipped" in found
+
+
+@pytest.mark.parametrize("focus", ["inf", "-2.5"])
+def test_parallel_and_diverging_cameras_come_back(
+    tmp_path: Path, make: MakeLightField, camera: Camera, focus: str
+) -> None:
+    lf = LightField(make().views, camera=replace(camera, focus_distance_mm=1000 * float(focus)))
+    write_light_field(tmp_path / "scene", lf, "hci")
+    assert read_light_field(tmp_path / "scene").camera == lf.camera
+
+
+def test_files_of_the_system_are_no_views(tmp_path: Path, make: MakeLightField) -> None:
+    write_light_field(tmp_path / "shots", make(3), "numbered")
+    for name in ("._000.png", ".DS_Store", "Thumbs.db"):
+        (tmp_path / "shots" / name).write_bytes(b"no view")
+    assert read_light_field(tmp_path / "shots").grid == (3, 3)

@@ -118,3 +118,16 @@ def test_masks_by_alpha_or_value(tmp_path: Path) -> None:
     Image.fromarray(np.dstack([RGB8 | 1, mask.astype(np.uint8)])).save(tmp_path / "alpha.png")
     for name in ("bit", "gray", "rgb", "alpha"):
         np.testing.assert_array_equal(read_mask(tmp_path / f"{name}.png"), mask)
+
+
+def test_a_photograph_is_read_as_viewers_show_it(tmp_path: Path) -> None:
+    """The camera was turned: what lies on its side in the file has an orientation in its EXIF."""
+    picture = np.zeros((24, 40), np.uint8)
+    picture[:12] = 255  # the upper half is bright
+    exif = Image.Exif()
+    exif[0x0112] = 6  # the picture is to be turned clockwise
+    sideways = Image.fromarray(np.rot90(picture))
+    sideways.save(tmp_path / "turned.jpg", exif=exif, quality=95)
+    image = read_image(tmp_path / "turned.jpg")[..., 0]
+    assert image.shape == (24, 40)
+    assert image[:10].min() > 200 and image[14:].max() < 50

@@ -39,7 +39,9 @@ def convert(
     ] = None,
     views: Annotated[
         int | None,
-        typer.Option(help="Views per row and column, odd; default: 9 of a raw capture, else all."),
+        typer.Option(
+            min=3, help="Views per row and column, odd; default: 9 of a raw capture, else all."
+        ),
     ] = None,
     layout: LayoutOption = None,
     flip_rows: FlipRowsOption = False,

@@ -30,11 +30,10 @@ def recognises(path: Path) -> bool:
 def read(path: Path) -> LightField:
     """Read the 9 x 9 views around view (7, 7).
 
-    A size that is no multiple of 14 is padded up to one by repeating the edge, provided that the
-    outer views are dark: an ordinary photograph is not taken for lenslets.
+    A size that is no multiple of 14 is padded up to one by repeating the edge.
 
     Raises:
-        InputError: not an image, or one whose size does not fit.
+        InputError: not an image, or one whose outer views are not dark: an ordinary photograph.
     """
     image = read_image(path)
     height, width = image.shape[:2]
@@ -42,10 +41,10 @@ def read(path: Path) -> LightField:
     image = np.pad(image, padding, mode="edge")
     rows, cols = image.shape[0] // _LENSLET_PX, image.shape[1] // _LENSLET_PX
     lenslets = image.reshape(rows, _LENSLET_PX, cols, _LENSLET_PX, image.shape[2])
-    if any(map(any, padding)) and not _has_dark_border(lenslets):
+    if not _has_dark_border(lenslets):
         raise InputError(
             f"{path}: one image of {width}x{height} px; an ESLF image holds 14x14 pixels per "
-            "lenslet, so both are multiples of 14, or its outer views are dark. "
+            "lenslet, the outer ones of which are dark; these are not. "
             "For views in separate files give their folder"
         )
     kept = slice(_FIRST, _FIRST + _KEPT)

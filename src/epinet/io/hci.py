@@ -162,7 +162,7 @@ def _guess_side(folder: Path, by_index: dict[int, Path]) -> int:
     count = max(by_index) + 1
     side = isqrt(count)
     beyond = count > _BENCHMARK_SIDE**2
-    if side * side == count and (beyond or len(by_index) == count):
+    if side * side == count and (beyond or 2 * len(by_index) > count):
         return side
     if beyond:
         raise InputError(

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageOps, UnidentifiedImageError
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
+from epinet.io.names import is_shown
 from epinet.io.problems import parsing
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"})
@@ -26,7 +27,7 @@ def image_files(folder: Path) -> list[Path]:
     return sorted(
         file
         for file in folder.iterdir()
-        if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".")
+        if file.suffix.lower() in IMAGE_SUFFIXES and is_shown(file)
     )
 
 
@@ -49,7 +50,8 @@ def read_image(path: str | Path) -> NDArray[Any]:
         gray = image.mode in ("1", "L", "LA", "La")
         if _bits_per_sample(image, data) == 16:
             return _decode_16_bit(path, image, data, gray)
-        pixels = np.asarray(image.convert("L" if gray else "RGB"))
+        upright = ImageOps.exif_transpose(image)  # as every viewer shows it
+        pixels = np.asarray(upright.convert("L" if gray else "RGB"))
         return pixels[..., None] if gray else pixels
 
 

@@ -1,4 +1,4 @@
-"""Numbers in file names."""
+"""File names: the numbers in them, and which are no user's."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_OF_WINDOWS = frozenset({"thumbs.db", "desktop.ini"})
+
+
+def is_shown(path: Path) -> bool:
+    """Whether it is a file that people see, not one that a system keeps beside theirs."""
+    return not path.name.startswith(".") and path.name.lower() not in _OF_WINDOWS
 
 
 def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:

@@ -43,7 +43,7 @@ def read(folder: Path) -> LightField:
     if side * side != last - first + 1:
         raise InputError(
             f"{folder}: images numbered {first} to {last}, {last - first + 1} views; "
-            "a square grid has 9, 25, 49, 81 ..."
+            "a square grid has 9, 25, 49, 81 ..." + _gaps(numbers, first, last)
         )
     by_position = {divmod(n - first, side): file for n, file in zip(numbers, files, strict=True)}
 
@@ -57,6 +57,15 @@ def write(folder: Path, lf: LightField) -> None:
     """Write `000.png` onwards."""
     side = lf.grid[1]
     write_views(folder, lf, lambda row, col: f"{side * row + col:03d}.png")
+
+
+def _gaps(numbers: list[int], first: int, last: int) -> str:
+    """Which numbers are skipped, if there are as many images as a grid has."""
+    gaps = sorted({*range(first, last + 1)} - {*numbers})
+    if not gaps or isqrt(len(numbers)) ** 2 != len(numbers):
+        return ""
+    skipped = ", ".join(map(str, gaps[:5])) + ", ..." * (len(gaps) > 5)
+    return f" The {len(numbers)} images would fill one: {skipped} skipped; number without gaps"
 
 
 def _field(files: list[Path]) -> int | None:

@@ -98,8 +98,9 @@ def _camera(path: Path, config: configparser.ConfigParser) -> Camera | None:
     values: dict[str, float] = {}
     for key, section in wanted.items():
         with problems.gather():
-            values[key] = _number(path, config, section, key)
-            if values[key] <= 0:
+            focus = key == "focus_distance_m"
+            values[key] = _number(path, config, section, key, infinite=focus)
+            if values[key] == 0 or (values[key] < 0 and not focus):
                 raise InputError(f"{path}: {key} = {values[key]} must be greater than 0")
     bounds: dict[str, float | None] = {"disp_min": None, "disp_max": None}
     for key in bounds:
@@ -127,7 +128,14 @@ def _captured(path: Path, config: configparser.ConfigParser) -> bool:
         raise InputError(f"{path}: captured = {text} must be true or false") from error
 
 
-def _number(path: Path, config: configparser.ConfigParser, section: str, key: str) -> float:
+def _number(
+    path: Path,
+    config: configparser.ConfigParser,
+    section: str,
+    key: str,
+    *,
+    infinite: bool = False,
+) -> float:
     text = config.get(section, key, fallback=None)
     if text is None:
         raise InputError(f"{path}: {key} is missing from section [{section}]")
@@ -135,6 +143,6 @@ def _number(path: Path, config: configparser.ConfigParser, section: str, key: st
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not (math.isfinite(value) or (infinite and math.isinf(value))):
         raise InputError(f"{path}: {key} = {text} must be a number")
     return value

@@ -60,6 +60,9 @@ def decode(
     return LightField(
         pixels,
         camera=camera_of(capture.frame, sampling),
+        captured=True,
+        source=Path(path),
+        layout="lytro_raw",
         notes=notes + _notes(capture.frame, sampling),
     )
 

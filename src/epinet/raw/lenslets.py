@@ -67,12 +67,6 @@ class LensletGrid:
         (ax, ay), (bx, by) = self.along, self.down
         return (ax * by - ay * bx) / self.pitch_px
 
-    @property
-    def row_shift_px(self) -> float:
-        """How far each row begins further along than the one above it."""
-        (ax, ay), (bx, by) = self.along, self.down
-        return (ax * bx + ay * by) / self.pitch_px
-
     def centres(self, i: NDArray[Any], j: NDArray[Any]) -> Floats:
         """(..., 2) points (x, y) of lenslets, or between them."""
         i, j = np.asarray(i, float)[..., None], np.asarray(j, float)[..., None]

@@ -153,7 +153,7 @@ def _files(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]:
             name = str(file.relative_to(source))
             if file.suffix.lower() == ".tar" or file.name.lower() == _FIRST_VOLUME:
                 yield from ((f"{name}/{inner}", load) for inner, load in _files(file))
-            elif file.is_file():
+            elif file.is_file() and not file.name.startswith("."):
                 yield name, file.read_bytes
     elif source.suffix.lower() == ".tar":
         yield from _files_of_tar(source)
