@@ -171,3 +171,11 @@ def test_maps_and_a_model_from_disk_to_report(tmp_path):
     assert float(model.split()[2]) > 0
     assert done.stdout.splitlines()[-1] == f"-> {tmp_path / 'out' / 'report.html'}"
     assert (tmp_path / "out" / "maps" / "net" / "a" / "run.json").exists()
+
+
+def test_maps_of_scenes_that_are_not_asked_for_do_not_matter(tmp_path):
+    scene(tmp_path, "a"), maps(tmp_path, a=MAP, boxes=MAP)
+    done = run(*evaluate(tmp_path))
+    assert done.returncode == 2 and "no scene is named boxes" in done.stderr
+    done = run(*evaluate(tmp_path, "--scene", "a"))
+    assert done.returncode == 0, done.stderr

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io import read_pfm
+from epinet.io.names import is_shown
 from epinet.io.problems import Problems, listed, parsing
 
 Size = tuple[int, int]
@@ -69,7 +70,11 @@ def missing_values(map_: NDArray[Any], path: Path | str) -> list[str]:
 
 
 def find_maps(
-    folder: Path, sizes: Mapping[str, Size], others: Collection[str] = (), *, complete: bool = False
+    folder: Path,
+    sizes: Mapping[str, Size],
+    others: Collection[str] | None = (),
+    *,
+    complete: bool = False,
 ) -> dict[str, MapFile]:
     """The map of each scene, each read once to check it.
 
@@ -78,7 +83,7 @@ def find_maps(
             `<scene>` of `epinet predict`, or is such a result folder; run times may stand in
             `runtimes/<scene>.txt`.
         sizes: (height, width) in px of the scenes that need a map, by name.
-        others: names of scenes whose maps are passed over.
+        others: names of scenes whose maps are passed over; None passes over all others.
         complete: whether every pixel must have an estimate, and every map a run time.
 
     Raises:
@@ -97,7 +102,7 @@ def find_maps(
         )
     problems = Problems()
     for name, paths in candidates.items():
-        if name not in sizes and name not in others:
+        if others is not None and name not in sizes and name not in others:
             known = sorted({*sizes, *others})
             problems.append(f"{paths[0]}: no scene is named {name}; there are {listed(known, 12)}")
     found = {}
@@ -120,7 +125,7 @@ def _candidates(folder: Path) -> dict[str, list[Path]]:
             if path.exists():
                 found.setdefault(result.resolve().name, [path])
     inner = folder / MAPS_FOLDER
-    for path in sorted((inner if inner.is_dir() else folder).iterdir()):
+    for path in filter(is_shown, sorted((inner if inner.is_dir() else folder).iterdir())):
         if path.suffix.lower() in SUFFIXES and path.name not in _RESULT_MAPS:
             found.setdefault(path.stem, []).append(path)
     return found

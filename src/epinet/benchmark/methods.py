@@ -151,7 +151,8 @@ def prepare(
                 models[target.name] = target.load(device)
             elif found:
                 folder = Path(target.what)
-                maps = find_maps(folder, {scene.name: scene.size for scene in scenes}, found)
+                sizes = {scene.name: scene.size for scene in scenes}
+                maps = find_maps(folder, sizes, None if scene_names else found)
                 methods[target.name] = Method(target.name, str(folder.resolve()), maps)
     problems.raise_any()
     names = tuple(target.name for target in targets)

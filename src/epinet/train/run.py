@@ -72,6 +72,9 @@ BEST = "badpix_0.07"
 SAVE_EVERY_S = 240.0
 SAY_EVERY_S = 20.0
 
+_DAMAGED = (OSError, EOFError, RuntimeError, UnpicklingError, KeyError, TypeError, ValueError)
+"""What reading a damaged checkpoint raises."""
+
 
 class StoppedError(Exception):
     """A run ended before its last step."""
@@ -179,9 +182,10 @@ class Run:
             self.history = state["history"]
         except InputError:
             raise
-        except (OSError, RuntimeError, UnpicklingError, KeyError, TypeError, ValueError) as error:
+        except _DAMAGED as error:
+            why = str(error).partition("\n")[0] or type(error).__name__
             raise InputError(
-                f"{path}: not a checkpoint that can be continued ({str(error).splitlines()[0]}); "
+                f"{path}: not a checkpoint that can be continued ({why}); "
                 "remove it to begin anew, or choose another folder"
             ) from error
         self.say(f"continuing at step {self.step} of {self.recipe.steps}")
@@ -314,6 +318,9 @@ class Run:
         return share is not None and self.step >= share * self.recipe.steps
 
     def _keep(self, batch: Batch) -> None:
+        """For `_take_statistics`, where these weights will need it."""
+        if not isinstance(self.net, Epinet) or self._norms_fixed:
+            return
         self._recent[self.step] = batch.stacks
         self._recent.pop(self.step - STATISTICS_BATCHES, None)
 

@@ -87,7 +87,7 @@ class Validation:
         """
         estimator = Estimator(weights, device=str(device))
         with torch.autocast(device.type, dtype=torch.bfloat16, enabled=bf16):
-            return {name: estimator.predict(lf) for name, lf in self.scenes.items()}
+            return {name: estimator.predict(lf, refine=False) for name, lf in self.scenes.items()}
 
 
 def mean_scores(results: dict[str, Result]) -> dict[str, float]:
