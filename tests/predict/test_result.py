@@ -137,3 +137,24 @@ def test_inputs_of_one_name_are_refused(lf, tmp_path):
         write_light_field(tmp_path / parent / "same", lf, "hci")
     with pytest.raises(InputError, match="another light field is also named same"):
         check_names([tmp_path / "x" / "same", tmp_path / "y" / "same"])
+
+
+def test_what_others_put_beside_a_result_stays_and_does_not_undo_it(estimator, lf, tmp_path):
+    write_light_field(tmp_path / "in" / "a", lf, "hci")
+    out = tmp_path / "out"
+    batch(estimator, [tmp_path / "in" / "a"], out)
+    (out / "a" / "mesh.glb").write_text("made of it")
+    (done,) = batch(estimator, [tmp_path / "in" / "a"], out)
+    assert done.skipped
+    (refused,) = batch(estimator, [tmp_path / "in" / "a"], out, force=True)
+    assert "mesh.glb" in refused.problems[0] and (out / "a" / "mesh.glb").exists()
+    (out / "a" / "mesh.glb").rename(out / "a" / ".DS_Store")  # which nobody misses
+    (done,) = batch(estimator, [tmp_path / "in" / "a"], out, force=True)
+    assert done.run is not None and not done.skipped
+
+
+def test_names_that_are_one_on_some_systems_are_refused(estimator, lf, tmp_path):
+    for place in ("x/boxes", "y/Boxes"):
+        write_light_field(tmp_path / place, lf, "hci")
+    with pytest.raises(InputError, match="another light field is also named"):
+        batch(estimator, [tmp_path / "x" / "boxes", tmp_path / "y" / "Boxes"], tmp_path / "out")

@@ -5,15 +5,18 @@ import shutil
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from epinet.camera import Camera
 from epinet.errors import InputError
+from epinet.inspect.alignment import estimate_alignment
 from epinet.io import write_light_field, write_pfm
 from epinet.io.images import write_png
 from epinet.io.read import read_light_field
 from epinet.lightfield import LightField
 from epinet.predict.result import Result
 from epinet.predict.stored import read_result
+from epinet.refine import compensated
 
 CAMERA = Camera(100.0, 35.0, 11.0, 500.0, 30, 24)
 
@@ -114,3 +117,25 @@ def test_a_camera_that_cannot_be_is_refused(folder):
         read_result(folder).camera_facts  # noqa: B018
     write_png(folder / "centre.png", np.zeros((24, 30), np.uint8))
     assert read_result(folder).centre_view.shape == (24, 30, 3)
+
+
+def test_the_views_of_a_refined_result_are_compensated(tmp_path):
+    """What lies on the map's pixels is what the map was made from."""
+    rng = np.random.default_rng(2)
+    texture = gaussian_filter(rng.normal(size=(60, 70, 1)), (1.5, 1.5, 0))
+    texture = 0.5 + 0.12 * texture / texture.std()
+    views = np.broadcast_to(texture, (5, 5, 60, 70, 1)).copy()
+    views[0, 0] *= 0.8
+    path = tmp_path / "shot.npy"
+    np.save(path, np.round(255 * views.clip(0, 1)).astype(np.uint8))
+    lf = read_light_field(path)
+    lit = compensated(lf, estimate_alignment(lf))
+    assert (
+        abs(lit.unit(0, 0) - lit.unit(2, 2)).mean()
+        < 0.2 * abs(lf.unit(0, 0) - lf.unit(2, 2)).mean()
+    )
+    flat = np.zeros((60, 70), np.float32)
+    for refine, expected in ((True, lit), (False, lf)):
+        Result(flat, flat + 1, lf, settings={"refine": refine}).save(tmp_path / "result")
+        found = read_result(tmp_path / "result").read_views()
+        np.testing.assert_array_equal(found.views, expected.views)

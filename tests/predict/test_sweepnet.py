@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import gaussian_filter
 
 import epinet
 from epinet.angular import SYMMETRIES, direction_positions
@@ -125,3 +126,24 @@ def test_a_model_and_the_weights_of_another_are_refused():
         epinet.load_model("epinet_9x9", model="sweepnet")
     with pytest.raises(InputError, match="model other: there are sweepnet, epinet"):
         epinet.load_model(model="other")
+
+
+def test_views_that_may_be_otherwise_than_taken_to_be_are_warned_of():
+    """Views far out of place, as in a wrong order, and disparities beyond the search."""
+    rng = np.random.default_rng(0)
+    texture = gaussian_filter(rng.normal(size=(200, 200, 1)), (1.5, 1.5, 0))
+    texture = np.round(255 * (0.5 + 0.12 * texture / texture.std()).clip(0, 1)).astype(np.uint8)
+
+    def plane(step_px):
+        places = [100 - 30 + step_px * k for k in range(-1, 2)]
+        return np.array([[texture[r : r + 60, c : c + 60] for c in places] for r in places])
+
+    model = epinet.load_model(device="cpu")
+    near = plane(2)
+    assert not model.predict(LightField(near), refine=True).warnings
+    strewn = near.copy()
+    for place in ((0, 0), (0, 2), (1, 0), (2, 1)):
+        strewn[place] = np.roll(strewn[place], (1, -1), (0, 1))
+    assert any("out of place" in w for w in model.predict(LightField(strewn), refine=True).warnings)
+    far = model.predict(LightField(plane(20)), refine=False).warnings
+    assert any("may exceed the 20 px" in w for w in far)

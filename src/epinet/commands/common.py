@@ -64,4 +64,6 @@ def result_line(name: str, run: dict[str, object], folder: Path, skipped: bool =
     settings = run["settings"]
     assert isinstance(settings, dict)
     refined = ", refined" if settings["refine"] else ""
-    return f"{text}{refined}, {took} -> {folder}"
+    weights = run["weights"]
+    assert isinstance(weights, dict)
+    return f"{text}, {Path(weights['file']).stem}{refined}, {took} -> {folder}"

@@ -48,6 +48,11 @@ Offset = tuple[int, int]
 """(rows, columns) from the centre view to another."""
 
 
+def largest_searched_px(shorter_side_px: float) -> float:
+    """Largest |disparity| looked for in views of this size: a small one shows less."""
+    return min(SEARCH_PX, shorter_side_px / 3)
+
+
 @dataclass(frozen=True)
 class Star:
     """The star views in gray, in working pixels."""
@@ -68,8 +73,8 @@ class Star:
 
     @property
     def search(self) -> float:
-        """Largest |disparity| to look for: `SEARCH_PX`, or a third of a small image."""
-        return min(SEARCH_PX * self.scale, min(self.centre.shape) / 3)
+        """Largest |disparity| to look for, in working pixels."""
+        return self.scale * largest_searched_px(min(self.centre.shape) / self.scale)
 
     def rings(self, disparity: float) -> Star:
         """The views of two rings, as far out as a disparity of this size stays within reach."""

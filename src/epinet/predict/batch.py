@@ -15,6 +15,7 @@ from epinet.errors import InputError
 from epinet.io import LAYOUTS, is_light_field, named_layout, read_light_field
 from epinet.io.atomic import check_writable
 from epinet.io.images import IMAGE_SUFFIXES
+from epinet.io.names import is_shown
 from epinet.lightfield import LightField
 from epinet.predict.estimator import DEFAULT_MEMORY_MB, Estimator
 from epinet.predict.result import FILES, Result, check_replaceable
@@ -94,6 +95,8 @@ def find_light_fields(
 
 
 def _may_be_one(file: Path) -> bool:
+    if not is_shown(file):
+        return False
     if file.suffix.lower() in IMAGE_SUFFIXES:
         return file.stem.lower().endswith("_eslf")
     return file.suffix.lower() in FILE_SUFFIXES
@@ -105,8 +108,9 @@ def check_names(paths: Sequence[Path]) -> None:
     Raises:
         InputError: naming all of them.
     """
-    counts = Counter(result_name(p) for p in paths)
-    clashes = [p for p in paths if counts[result_name(p)] > 1]
+    # Boxes and boxes are one folder on many systems.
+    counts = Counter(result_name(p).casefold() for p in paths)
+    clashes = [p for p in paths if counts[result_name(p).casefold()] > 1]
     if clashes:
         raise InputError(
             [f"{p}: another light field is also named {result_name(p)}" for p in clashes]
@@ -146,10 +150,10 @@ def predict_all(
         folder = out / name
         request = _request(path, estimator, reading, options)
         try:
-            check_replaceable(folder)
             if not force and (run := _finished(folder, path, request)):
                 yield Outcome(name, folder, run, skipped=True)
                 continue
+            check_replaceable(folder)
             result = _predict(estimator, path, reading, options, memory_mb, progress)
             result.request.update(request)
             result.save(folder)
@@ -189,7 +193,7 @@ def _finished(folder: Path, path: Path, request: dict[str, Any]) -> dict[str, An
     record = folder / "run.json"
     try:
         run: Any = json.loads(record.read_text())
-        complete = {p.name for p in folder.iterdir()} == FILES
+        complete = {p.name for p in folder.iterdir()} >= FILES
         files = [p for p in path.iterdir() if p.is_file()] if path.is_dir() else [path]
         newest = max(p.stat().st_mtime for p in files)
         fresh = record.stat().st_mtime >= newest

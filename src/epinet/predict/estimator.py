@@ -16,8 +16,9 @@ from torch.nn import functional as F
 
 from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
-from epinet.inspect.alignment import estimate_alignment
+from epinet.inspect.alignment import Alignment, estimate_alignment
 from epinet.inspect.disparity_range import estimate_range
+from epinet.inspect.sweep import largest_searched_px
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import (
     CALIBRATION,
@@ -42,6 +43,8 @@ from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1536.0
 LOW_CONFIDENCE = 0.5
+FAR_OUT_PX = 0.5
+"""Views that stand so far out of place, root mean square, may as well be in the wrong order."""
 
 LEAST_SLACK_PX, SLACK = 0.5, 0.1
 """A search goes so much, or this share of its range, beyond the disparities that the views show."""
@@ -162,7 +165,10 @@ class Estimator:
                 "refine": done - judged,
             },
             alignment=alignment,
-            warnings=_warnings(weights, disparity, confidence, scale),
+            warnings=(
+                *_warnings(weights, disparity, confidence, scale),
+                *_doubts(lf, alignment, map_, scale),
+            ),
         )
 
     def _estimate(
@@ -305,6 +311,24 @@ def _warnings(weights: Weights, disparity: Any, confidence: Any, scale: int) -> 
             "disparities within range? `epinet info` measures both"
         )
     return tuple(warnings)
+
+
+def _doubts(lf: LightField, alignment: Alignment | None, map_: _Map, scale: int) -> list[str]:
+    """What of the views may be otherwise than it was taken to be."""
+    doubts = []
+    if alignment is not None and alignment.misalignment_px > FAR_OUT_PX:
+        doubts.append(
+            f"the views stand {alignment.misalignment_px:.2f} px out of place, which was "
+            "compensated; if their order is wrong the map is, too: `epinet info` measures it"
+        )
+    limit = largest_searched_px(min(lf.size))
+    measured = map_.range_px if map_.error is not None else None
+    if measured is not None and scale * max(map(abs, measured)) >= limit:
+        doubts.append(
+            f"disparities may exceed the {limit:.0f} px that are looked for: shrink the pictures, "
+            "or give views closer together"
+        )
+    return doubts
 
 
 def shrink(stacks: Tensor, scale: int) -> Tensor:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from epinet.predict.result import Result
 
-DISPARITY_LABEL = "disparity (px per adjacent view, larger is nearer)"
 COLOUR_MAP = "viridis"
 ERROR_LIMIT_PX = 0.1
 """The error map's colours saturate here, about the benchmark's BadPix(0.07)."""

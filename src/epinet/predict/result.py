@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from epinet.inspect.alignment import Alignment
 from epinet.io import write_pfm
 from epinet.io.atomic import atomic_folder
 from epinet.io.images import write_png
+from epinet.io.names import is_shown
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX, score
 from epinet.predict.confidence import AGREEMENT
@@ -62,7 +64,7 @@ class Result:
         rgb = self.lightfield.rgb(*self.lightfield.centre)
         return np.round(255 * rgb).astype(np.uint8)
 
-    @property
+    @cached_property
     def scores(self) -> dict[str, float] | None:
         """Scores against the light field's truth; None where there is none to compare with."""
         truth = self.lightfield.truth
@@ -136,7 +138,7 @@ def check_replaceable(folder: Path, ours: frozenset[str] = FILES) -> None:
         InputError: something else stands there.
     """
     if folder.is_dir():
-        others = sorted({p.name for p in folder.iterdir()} - ours)
+        others = sorted(p.name for p in folder.iterdir() if p.name not in ours and is_shown(p))
         if not others:
             return
         found = f"a folder with other things in it ({', '.join(others[:3])}) stands"

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from epinet.camera import Camera
 from epinet.errors import InputError
+from epinet.inspect.alignment import estimate_alignment
 from epinet.io.camera_file import CameraFacts, facts_of
 from epinet.io.images import read_image
 from epinet.io.pfm import read_pfm
 from epinet.io.problems import Problems, parsing
 from epinet.io.read import read_light_field
 from epinet.lightfield import LightField
+from epinet.refine.compensation import compensated
 
 _ORDER = ("flip_rows", "flip_cols", "transpose")
 """Options of reading that put the views in order."""
@@ -59,7 +61,7 @@ class StoredResult:
             return facts_of(Camera(**camera))
 
     def read_views(self, path: Path | None = None) -> LightField:
-        """The views that the disparity was estimated from, in the order used then.
+        """The views that the disparity was estimated from: in the order used then, compensated.
 
         Args:
             path: where they are now, if not where run.json says.
@@ -71,10 +73,11 @@ class StoredResult:
         reading = (self.run.get("request") or {}).get("reading") or {}
         order = {name: bool(reading.get(name)) for name in _ORDER}
         lf = read_light_field(source, reading.get("layout")).reordered(**order)
-        step = int((self.run.get("settings") or {}).get("step", 1))
-        lf = lf.central(int(self.run["views_used"][0]), step)
+        settings = self.run.get("settings") or {}
+        lf = lf.central(int(self.run["views_used"][0]), int(settings.get("step", 1)))
         self._check_same(lf, source)
-        return lf
+        alignment = estimate_alignment(lf) if settings.get("refine") else None
+        return lf if alignment is None else compensated(lf, alignment)
 
     def _source(self) -> Path:
         source = self.run.get("input")
