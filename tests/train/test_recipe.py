@@ -4,6 +4,7 @@ import pytest
 import yaml
 
 from epinet.errors import InputError
+from epinet.synth.generator import VERSION
 from epinet.train.recipe import (
     Recipe,
     changed_recipe,
@@ -162,3 +163,12 @@ def test_what_sweepnet_cannot_do_is_refused(change, named):
         changed_recipe("fast-9x9", ["fewer_views=0.1"], [], [])
     with pytest.raises(InputError, match="there are sweepnet, epinet"):
         changed_recipe("fast-9x9", ["model=other"], [], [])
+
+
+def test_weights_name_the_scenes_that_they_learned_from(tmp_path):
+    rendered = Recipe(data=[{"generator": "hci"}])
+    assert rendered.provenance == {"generator": VERSION, "seed": rendered.seed}
+    on_disk = Recipe(data=[{"folder": tmp_path}])
+    assert on_disk.provenance == {"folders": [str(tmp_path)]}
+    mixed = Recipe(data=[{"generator": "hci", "share": 0.5}, {"folder": tmp_path, "share": 0.5}])
+    assert mixed.provenance == rendered.provenance | on_disk.provenance

@@ -19,6 +19,9 @@ from epinet.commands.common import remark
 if TYPE_CHECKING:
     from epinet.geometry.calibration import Calibration
 
+FARTHEST_MM = 1e7
+"""What is farther is called infinitely far."""
+
 
 def calibrate(
     result: ResultArgument,
@@ -72,9 +75,9 @@ def _tell(calibration: Calibration) -> None:
     rows = zip(calibration.readings, calibration.residuals_px, calibration.depths_mm, strict=True)
     for reading, residual, depth_mm in rows:
         print(
-            f"point {reading.point}: {reading.point.depth_mm:g} mm, "
+            f"point {reading.point}: {_distance(1 / reading.point.depth_mm)}, "
             f"disparity {reading.pick.disparity_px:.3f} px, "
-            f"residual {residual:+.3f} px, fitted {depth_mm:.5g} mm"
+            f"residual {residual:+.3f} px, fitted {_distance(1 / depth_mm)}"
         )
         if reading.pick.on_edge:
             remark(
@@ -94,4 +97,5 @@ def _tell(calibration: Calibration) -> None:
 
 
 def _distance(inverse_per_mm: float) -> str:
-    return f"{1 / inverse_per_mm:.5g} mm" if inverse_per_mm > 0 else "infinity or beyond"
+    far = inverse_per_mm < 1 / FARTHEST_MM
+    return "infinity or beyond" if far else f"{1 / inverse_per_mm:.5g} mm"

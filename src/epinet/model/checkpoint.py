@@ -80,14 +80,19 @@ class Weights:
             lines.append(f"range     {low:g}..{high:g} px per adjacent view")
         if about.get("steps"):
             data, recipe = about.get("data", {}), about.get("recipe", {})
+            learned = []
+            if "generator" in data:
+                learned.append(f"scenes {data['generator']} of seed {data.get('seed')}")
+            learned += data.get("folders", [])
             lines.append(
                 f"training  recipe {recipe.get('name')}, {about['steps']} steps, "
-                f"scenes {data.get('generator')} of seed {data.get('seed')}"
+                + ", ".join(learned)
             )
         if scores := about.get("scores"):
             lines.append(
                 f"scores    BadPix(.07) {scores['badpix_0.07']:.2f} %, "
-                f"MSE x100 {scores['mse_x100']:.2f} on rendered scenes held out"
+                f"MSE x100 {scores['mse_x100']:.2f} on "
+                + about.get("validated_on", "rendered scenes held out")
             )
         return [*lines, f"file      {self.source}"]
 

@@ -25,6 +25,7 @@ from epinet.io.problems import parsing
 from epinet.model.checkpoint import EPINET, MODELS, SWEEPNET, Network
 from epinet.model.epinet import STREAM_COUNTS, VIEW_COUNTS, Epinet, EpinetConfig
 from epinet.model.sweepnet import SweepNet, SweepNetConfig
+from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX, Options
 from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, ViewShift
 
@@ -227,6 +228,16 @@ class Recipe(_Model):
     def folders(self) -> list[Path]:
         """Those of the data that lie on disk."""
         return [d.folder for d in self.data if d.folder is not None]
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What weights say of the scenes that they learned from."""
+        about: dict[str, Any] = {}
+        if len(self.folders) < len(self.data):
+            about |= {"generator": VERSION, "seed": self.seed}
+        if self.folders:
+            about |= {"folders": [str(folder) for folder in self.folders]}
+        return about
 
     @property
     def scales(self) -> list[int]:

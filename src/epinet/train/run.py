@@ -41,7 +41,6 @@ from epinet.model.checkpoint import (
 from epinet.model.epinet import Epinet
 from epinet.model.normed import add_norms, without_norms
 from epinet.model.sweepnet import SweepNet
-from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
 from epinet.train.batches import Batch, batches_of
 from epinet.train.interruption import interruption
@@ -52,6 +51,7 @@ from epinet.train.parallel import ALONE, Team
 from epinet.train.recipe import Recipe
 from epinet.train.start import as_epinet, begin
 from epinet.train.validation import (
+    RENDERED,
     Validation,
     fitted_calibration,
     mean_scores,
@@ -217,7 +217,8 @@ class Run:
         """What the weights of this run say about themselves."""
         return {
             "recipe": self.recipe.as_dict(),
-            "data": {"generator": VERSION, "seed": self.recipe.seed},
+            "data": self.recipe.provenance,
+            "validated_on": RENDERED if self._validation is None else "other scenes",
             "disparity_range_px": self.recipe.limits_px,
             "input": LOCAL_CONTRAST if self.recipe.local_contrast else "gray",
             "started_from": self.started_from,

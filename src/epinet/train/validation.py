@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from epinet.angular import star_positions
 from epinet.errors import InputError
 from epinet.io import read_light_field
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
+from epinet.metrics.disparity import BORDER_PX
 from epinet.model.checkpoint import Weights
 from epinet.predict.confidence import Calibration
 from epinet.predict.estimator import Estimator
@@ -25,6 +27,8 @@ from epinet.synth.validation import VALIDATION_SEED
 SCENES = 16
 SIDE_PX = 128
 PICTURES = 4
+RENDERED = "rendered scenes held out"
+"""What runs are validated on unless told otherwise."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +62,8 @@ class Validation:
         """Scenes on disk.
 
         Raises:
-            InputError: scenes that cannot be read, have no truth or too few views, or are trained
-                on.
+            InputError: scenes that cannot be read, have no truth to score with or too few views,
+                or are trained on.
         """
         taken = {folder.resolve() for folder in trained_on}
         problems = Problems(
@@ -71,8 +75,13 @@ class Validation:
         for folder in folders:
             with problems.gather():
                 lf = read_light_field(folder).central(views)
-                if lf.truth is None:
-                    raise InputError(f"{folder}: no truth to validate with")
+                inner = slice(BORDER_PX, -BORDER_PX)
+                if lf.truth is None or not np.isfinite(lf.truth[inner, inner]).any():
+                    raise InputError(
+                        f"{folder}: no truth to validate with inside the border of {BORDER_PX} px"
+                    )
+                if gone := [p for p in star_positions(views) if not lf.present[p]]:
+                    raise InputError(f"{folder}: the views at (row, column) {gone} are missing")
                 scenes[folder.name] = lf
         problems.raise_any()
         return cls(scenes)

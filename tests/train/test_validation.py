@@ -1,0 +1,43 @@
+"""Scenes that a training is validated on: taken as they are, or refused before it begins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from epinet.errors import InputError
+from epinet.io import read_light_field, write_light_field
+from epinet.model.checkpoint import Weights
+from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.synth.generator import render_scene
+from epinet.synth.options import Options
+from epinet.train.validation import Validation
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return render_scene(Options(size=(64, 72), views=3, samples=1, held_out=True), 5, 0)
+
+
+def test_a_captured_scene_scores_the_networks_own_map(scene, tmp_path):
+    """Neither compensated before nor smoothed after, under the autocast of training, too."""
+    np.savez(tmp_path / "shot.npz", views=scene.views, truth=scene.truth)
+    lf = read_light_field(tmp_path / "shot.npz")
+    assert lf.captured
+    weights = Weights(Epinet(EpinetConfig(views=3)).eval(), {}, "made here")
+    results = Validation({"shot": lf}).predict(weights, torch.device("cpu"), bf16=True)
+    assert results["shot"].settings["refine"] is False
+
+
+def test_scenes_that_cannot_score_are_named_before_training(scene, tmp_path):
+    unknown = np.full_like(scene.truth, np.nan)
+    unknown[0] = 1.0  # within the border that is left out
+    write_light_field(tmp_path / "unknown", replace(scene, truth=unknown), "hci")
+    black = scene.views.copy()
+    black[0, 0] = 0
+    write_light_field(tmp_path / "black.npz", replace(scene, views=black), "array")
+    with pytest.raises(InputError) as error:
+        Validation.of_folders([tmp_path / "unknown", tmp_path / "black.npz"], views=3)
+    text = "\n".join(error.value.problems)
+    assert "unknown: no truth" in text and "black" in text and "(0, 0)" in text
