@@ -44,7 +44,11 @@ def write_light_field(
         raise InputError(f"{path}: already exists; remove it or choose another name")
     atomic = atomic_folder if chosen.is_folder else atomic_path
     with atomic(path) as temporary:
-        chosen.write(temporary, lf)
+        try:
+            chosen.write(temporary, lf)
+        except InputError as error:
+            said = [p.replace(str(temporary), str(path)) for p in error.problems]
+            raise InputError([p if str(path) in p else f"{path}: {p}" for p in said]) from error
 
 
 def layout_for(path: Path) -> str:

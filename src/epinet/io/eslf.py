@@ -73,7 +73,9 @@ def write(path: Path, lf: LightField) -> None:
     if lf.grid != (_KEPT, _KEPT):
         raise InputError(f"the layout eslf takes 9x9 views, not {lf.grid[0]}x{lf.grid[1]}")
     if lf.views.dtype == np.float32:
-        raise InputError("images hold 8 or 16 bits, not float views; use the layout `array`")
+        raise InputError(
+            "images hold 8 or 16 bits, not float views; write .npz, .h5 or .mat instead"
+        )
     (height, width), channels = lf.size, lf.views.shape[4]
     lenslets = np.zeros((height, _LENSLET_PX, width, _LENSLET_PX, channels), lf.views.dtype)
     kept = slice(_FIRST, _FIRST + _KEPT)

@@ -79,7 +79,9 @@ def write_views(folder: Path, lf: LightField, name: Callable[[int, int], str]) -
         InputError: float views, which a PNG cannot hold.
     """
     if lf.views.dtype == np.float32:
-        raise InputError("images hold 8 or 16 bits, not float views; use the layout `array`")
+        raise InputError(
+            "images hold 8 or 16 bits, not float views; write .npz, .h5 or .mat instead"
+        )
     for row, col in np.argwhere(lf.present):
         write_png(folder / name(row, col), lf.views[row, col])
 

@@ -144,5 +144,5 @@ def _read_run(path: Path) -> dict[str, Any]:
 
 def _as_rgb8(image: NDArray[Any]) -> NDArray[np.uint8]:
     if image.dtype == np.uint16:
-        image = image >> 8
+        image = (image >> 8).astype(np.uint8)
     return np.repeat(image, 3, axis=2) if image.shape[2] == 1 else image.astype(np.uint8)
