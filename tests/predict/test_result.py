@@ -11,7 +11,14 @@ from PIL import Image
 from epinet.errors import InputError
 from epinet.io import read_pfm, write_light_field
 from epinet.lightfield import LightField
-from epinet.predict.batch import Options, Reading, check_names, find_light_fields, predict_all
+from epinet.predict.batch import (
+    Options,
+    Reading,
+    _read_with,
+    check_names,
+    find_light_fields,
+    predict_all,
+)
 from epinet.predict.result import FILES
 
 
@@ -123,6 +130,17 @@ def test_a_changed_input_is_predicted_again(estimator, lf, tmp_path):
     later = (out / "a" / "run.json").stat().st_mtime + 5
     os.utime(tmp_path / "a" / "input_Cam000.png", (later, later))
     assert not batch(estimator, paths, out)[0].skipped
+
+
+def test_what_a_raw_capture_is_read_with_counts_as_input(tmp_path):
+    (tmp_path / "shot.raw").touch()
+    assert _read_with(tmp_path / "shot.raw") == [tmp_path / "shot.raw"]
+    (tmp_path / "shot.json").touch()
+    (tmp_path / "white").mkdir()
+    assert _read_with(tmp_path / "shot.raw") == [
+        tmp_path / name for name in ("shot.raw", "shot.json", "white")
+    ]
+    assert _read_with(tmp_path / "views.npz") == [tmp_path / "views.npz"]
 
 
 def test_results_are_never_written_over_the_input(estimator, lf, tmp_path):

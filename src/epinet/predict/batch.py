@@ -12,13 +12,14 @@ from typing import Any
 
 from epinet import __version__
 from epinet.errors import InputError
-from epinet.io import LAYOUTS, is_light_field, named_layout, read_light_field
+from epinet.io import LAYOUTS, is_light_field, lytro_raw, named_layout, read_light_field
 from epinet.io.atomic import check_writable
 from epinet.io.images import IMAGE_SUFFIXES
 from epinet.io.names import is_shown
 from epinet.lightfield import LightField
 from epinet.predict.estimator import DEFAULT_MEMORY_MB, Estimator
 from epinet.predict.result import FILES, Result, check_replaceable
+from epinet.raw.white import BESIDE
 
 FILE_SUFFIXES = {suffix for layout in LAYOUTS.values() for suffix in layout.suffixes}
 
@@ -194,10 +195,19 @@ def _finished(folder: Path, path: Path, request: dict[str, Any]) -> dict[str, An
     try:
         run: Any = json.loads(record.read_text())
         complete = {p.name for p in folder.iterdir()} >= FILES
-        files = [p for p in path.iterdir() if p.is_file()] if path.is_dir() else [path]
-        newest = max(p.stat().st_mtime for p in files)
+        newest = max(p.stat().st_mtime for p in _read_with(path))
         fresh = record.stat().st_mtime >= newest
     except (OSError, ValueError):
         return None
     same = isinstance(run, dict) and run.get("request") == request
     return run if same and complete and fresh else None
+
+
+def _read_with(path: Path) -> list[Path]:
+    """The files that a light field is read from; of white images beside it, their folder."""
+    if path.is_dir():
+        return [p for p in path.iterdir() if p.is_file()]
+    if path.suffix.lower() not in lytro_raw.LAYOUT.suffixes:
+        return [path]
+    beside = (path.with_suffix(".json"), path.parent / BESIDE)
+    return [path, *(p for p in beside if p.exists())]
