@@ -327,3 +327,23 @@ def test_validation_scenes_are_not_training_scenes(tmp_path):
     )
     assert done.returncode == 2
     assert f"{out[0]}: is trained on" in done.stderr
+
+
+def test_weights_may_keep_a_share_of_those_that_they_start_from(held_out, tmp_path):
+    """What is kept is the mean of the start and of what the same run keeps without it."""
+    scenes = Validation.of_folders([held_out], views=3)
+    values = {"steps": 2, "batch": 2, "patch_px": 24, "large_patches": 0.0, "fewer_views": 0.0}
+    values |= {"views": 3, "start": "sweepnet", "validate_every": 2, "averaging": 0.0}
+    for share in (0.0, 0.25):
+        recipe = load_recipe("sweepnet", values | {"start_share": share})
+        Run(recipe, tmp_path / str(share), validation=scenes, say=lambda line: None).train()
+    start = load_weights("sweepnet").net.state_dict()
+    plain, mixed = (
+        load_weights(tmp_path / f / "weights.safetensors").net.state_dict() for f in ("0.0", "0.25")
+    )
+    assert any(not torch.equal(plain[name], start[name]) for name in start)
+    for name, tensor in mixed.items():
+        expected = 0.75 * plain[name] + 0.25 * start[name]
+        torch.testing.assert_close(tensor, expected, rtol=2e-3, atol=1e-4)
+    with pytest.raises(InputError, match="start_share"):
+        load_recipe("sweepnet", {"start_share": 0.5})

@@ -141,6 +141,9 @@ class Recipe(_Model):
     """Largest norm of the whole gradient."""
     averaging: Annotated[float, Field(ge=0, lt=1)] = 0.0
     """Decay of the running average of the weights that is validated and kept; 0: the last."""
+    start_share: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """How much of the weights that it starts from is mixed into those that are validated and kept
+    (Wortsman et al., CVPR 2022); SweepNet only."""
     bf16: bool = False
     """Autocast to bfloat16."""
     shards: Annotated[int, Field(ge=1)] = 1
@@ -171,6 +174,8 @@ class Recipe(_Model):
             raise ValueError(
                 f"augmentations: {', '.join(unknown)} unknown; there are {', '.join(AUGMENTATIONS)}"
             )
+        if self.start_share and (self.model != SWEEPNET or self.from_scratch):
+            raise ValueError("start_share: takes a SweepNet that starts from weights")
         if self.mirror_weight and (self.least_weight is None or self.disparity_range_px is None):
             raise ValueError("mirror_weight: takes a least_weight and rendered scenes alone")
         if not any(self.scale_weights):

@@ -49,7 +49,7 @@ from epinet.train.losses import batch_loss
 from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
 from epinet.train.recipe import Recipe
-from epinet.train.start import as_epinet, begin
+from epinet.train.start import as_epinet, begin, mixed_with_start
 from epinet.train.validation import (
     RENDERED,
     Validation,
@@ -392,6 +392,8 @@ class Run:
             for norm in _norms(net):
                 norm.num_batches_tracked = torch.tensor(self.step)  # whatever the number of shards
             net = without_norms(net)
+        elif self.recipe.start_share:
+            mixed_with_start(net, self.recipe)
         return Weights(net.eval(), self.metadata(), str(self.folder))
 
     def _take_statistics(self, net: Epinet) -> None:

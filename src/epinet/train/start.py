@@ -6,11 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import torch
+
 from epinet.errors import InputError
 from epinet.model.checkpoint import Network, Weights, load_weights
 from epinet.model.epinet import Epinet
 from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
 from epinet.model.normed import add_norms, calibrate_norms
+from epinet.model.sweepnet import SweepNet
 from epinet.train.batches import Batch
 from epinet.train.recipe import DIFFERENCES, GLOROT, OWN, Recipe
 
@@ -41,6 +44,14 @@ def begin(net: Network, recipe: Recipe, batches: Callable[[int], Batch]) -> dict
         if not recipe.from_scratch:
             calibrate_norms(as_epinet(net), batches(0).stacks.cpu())
     return start.metadata if start else None
+
+
+def mixed_with_start(net: SweepNet, recipe: Recipe) -> None:
+    """Mix the weights that a run started from into what it has learned, by `start_share`."""
+    start = _fitted(load_weights(recipe.start), net).state_dict()
+    with torch.no_grad():
+        for name, tensor in net.state_dict().items():
+            tensor.lerp_(start[name].to(tensor), recipe.start_share)
 
 
 def as_epinet(net: Network) -> Epinet:
