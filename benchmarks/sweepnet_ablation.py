@@ -176,7 +176,7 @@ def main() -> None:
     report: dict[str, Any] = {"machine": args.machine, "steps": args.steps, "variants": {}}
     if args.output.exists():
         saved = json.loads(args.output.read_text())
-        if saved["steps"] != args.steps or "note" in saved:
+        if saved["steps"] != args.steps:
             parser.error(f"{args.output}: holds other runs ({saved['steps']} steps); remove it")
         report["variants"] = saved["variants"]
     missing = [name for name in args.only if name not in report["variants"]]

@@ -115,8 +115,8 @@ def ablation() -> Iterator[str]:
         f"`python benchmarks/sweepnet_ablation.py -o FILE` on {report['machine']}, one "
         f"thread each: every variant from scratch, {report['steps']} steps of the shipped weights' "
         "recipe in small patches, the same scenes in the same order. So short a training shows "
-        "what helps, not how good it gets; one seed, so small differences are undecided. "
-        + report.get("note", "")
+        "what helps, not how good it gets; what differs no more than the two seeds of all of it is "
+        "undecided."
     )
     scores = {"badpix_0.07": "BadPix(.07)", "badpix_0.03": "(.03)", "mse_x100": "MSE x100"}
     rows = [
