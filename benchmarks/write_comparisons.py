@@ -75,9 +75,10 @@ def read(name: str) -> Any:
 def peers() -> Iterator[str]:
     report = read("peers")
     yield PEERS.format(requirement=REQUIREMENT)
+    runs = "one run" if report["repeats"] == 1 else f"median of {report['repeats']} runs"
     yield (
-        f"Measured on {report['machine']}, {report['threads']} thread, float32, median of "
-        f"{report['repeats']} runs in one process. Other work kept the machine busy, so that wall "
+        f"Measured on {report['machine']}, {report['threads']} thread, float32, {runs} in one "
+        f"process. Other work kept the machine busy, so that wall "
         "times mean nothing; an idle machine would need about the CPU time, or a little less. Peak "
         "memory is the whole process's, with Python, torch (some 230 MB) and the views."
     )
