@@ -191,8 +191,10 @@ def test_a_full_disk_midway_keeps_what_is_finished(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(InputError) as caught:
         write_dataset(out, SMALL, seed=1, scenes=4)
+    file = out / "scene_00002" / "input_Cam007.png"
     assert caught.value.problems == [
-        f"{out / 'scene_00002'}: cannot be written (No space left on device)",
+        f"{file}: cannot be written (No space left on device); "
+        "check the name, the permissions and the free space of its folder",
         f"{out}: 2 of 4 scenes are finished; --resume makes the others",
     ]
     assert {p.name for p in out.iterdir()} == {"dataset.json", "scene_00000", "scene_00001"}

@@ -327,8 +327,5 @@ def _write_scene(out: Path, name: str, lf: LightField, done: int, total: int) ->
     try:
         write_light_field(out / name, lf, "hci")
     except InputError as error:
-        problems = error.problems
-        if isinstance(error.__cause__, OSError):  # its file had a temporary name
-            problems = [f"{out / name}: cannot be written ({error.__cause__.strerror})"]
         kept = f"{out}: {done} of {total} scenes are finished; --resume makes the others"
-        raise InputError([*problems, kept]) from error
+        raise InputError([*error.problems, kept]) from error
