@@ -177,7 +177,7 @@ def main() -> None:
     if args.output.exists():
         saved = json.loads(args.output.read_text())
         if saved["steps"] != args.steps:
-            parser.error(f"{args.output}: holds other runs ({saved['steps']} steps); remove it")
+            parser.error(f"{args.output}: holds runs of {saved['steps']} steps; name another file")
         report["variants"] = saved["variants"]
     missing = [name for name in args.only if name not in report["variants"]]
     spawning = multiprocessing.get_context("spawn")

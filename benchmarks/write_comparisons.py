@@ -78,7 +78,7 @@ def peers() -> Iterator[str]:
     runs = "one run" if report["repeats"] == 1 else f"median of {report['repeats']} runs"
     yield (
         f"Measured on {report['machine']}, {report['threads']} thread, float32, {runs} in one "
-        f"process. Other work kept the machine busy, so that wall "
+        "process. Other work kept the machine busy, so that wall "
         "times mean nothing; an idle machine would need about the CPU time, or a little less. Peak "
         "memory is the whole process's, with Python, torch (some 230 MB) and the views."
     )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io.array import present_views
-from epinet.io.images import IMAGE_SUFFIXES, read_image, write_png
+from epinet.io.images import IMAGE_SUFFIXES, check_samples, read_image, write_png
 from epinet.io.layout import Layout
 from epinet.lightfield import LightField
 
@@ -72,10 +72,7 @@ def write(path: Path, lf: LightField) -> None:
     """
     if lf.grid != (_KEPT, _KEPT):
         raise InputError(f"the layout eslf takes 9x9 views, not {lf.grid[0]}x{lf.grid[1]}")
-    if lf.views.dtype == np.float32:
-        raise InputError(
-            "images hold 8 or 16 bits, not float views; write .npz, .h5 or .mat instead"
-        )
+    check_samples(lf.views)
     (height, width), channels = lf.size, lf.views.shape[4]
     lenslets = np.zeros((height, _LENSLET_PX, width, _LENSLET_PX, channels), lf.views.dtype)
     kept = slice(_FIRST, _FIRST + _KEPT)

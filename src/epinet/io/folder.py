@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from epinet.angular import star_positions
 from epinet.errors import InputError
-from epinet.io.images import read_image, write_png
+from epinet.io.images import check_samples, read_image, write_png
 from epinet.io.problems import Problems, listed
 from epinet.lightfield import LightField
 
@@ -78,10 +78,7 @@ def write_views(folder: Path, lf: LightField, name: Callable[[int, int], str]) -
     Raises:
         InputError: float views, which a PNG cannot hold.
     """
-    if lf.views.dtype == np.float32:
-        raise InputError(
-            "images hold 8 or 16 bits, not float views; write .npz, .h5 or .mat instead"
-        )
+    check_samples(lf.views)
     for row, col in np.argwhere(lf.present):
         write_png(folder / name(row, col), lf.views[row, col])
 

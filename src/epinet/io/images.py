@@ -71,6 +71,18 @@ def read_mask(path: str | Path) -> NDArray[np.bool_]:
         return np.asarray(mask.any(axis=2) if mask.ndim == 3 else mask)
 
 
+def check_samples(views: NDArray[Any]) -> None:
+    """Refuse views that no image can hold.
+
+    Raises:
+        InputError: they are float.
+    """
+    if views.dtype == np.float32:
+        raise InputError(
+            "images hold 8 or 16 bits, not float views; write .npz, .h5 or .mat instead"
+        )
+
+
 def write_png(path: str | Path, image: NDArray[Any]) -> None:
     """Write (H, W), (H, W, 1) or (H, W, 3) uint8 or uint16 pixels as PNG, without loss.
 
