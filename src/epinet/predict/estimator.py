@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -16,9 +16,8 @@ from torch.nn import functional as F
 
 from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
-from epinet.inspect.alignment import Alignment, estimate_alignment
+from epinet.inspect.alignment import estimate_alignment
 from epinet.inspect.disparity_range import estimate_range
-from epinet.inspect.sweep import largest_searched_px
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import (
     CALIBRATION,
@@ -36,16 +35,13 @@ from epinet.predict.confidence import (
     Calibration,
     photo_consistency,
 )
+from epinet.predict.doubts import doubts_about_map, doubts_about_views
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
 from epinet.refine import compensated, refined
 from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1536.0
-LOW_CONFIDENCE = 0.5
-FAR_OUT_PX = 0.5
-"""Views that stand so far out of place, root mean square, may as well be in the wrong order."""
-
 LEAST_SLACK_PX, SLACK = 0.5, 0.1
 """A search goes so much, or this share of its range, beyond the disparities that the views show."""
 
@@ -58,8 +54,8 @@ class _Map(NamedTuple):
     disparity: Tensor
     error: Tensor | None
     """Expected; None from a network that predicts none."""
-    range_px: tuple[float, float] | None
-    """Disparities that the network looked for, or was trained for."""
+    searched_px: tuple[float, float] | None
+    """Disparities that the network looked for; None from one bound to those of its training."""
     begun: float
     """When the network began, after all was prepared."""
 
@@ -125,6 +121,7 @@ class Estimator:
         weights, used = self._fitting(lf, step)
         refine = lf.captured if refine is None else refine
         alignment = estimate_alignment(used) if refine else None
+        views_doubted = doubts_about_views(used, alignment)
         if alignment is not None:
             used = compensated(used, alignment)
         aligned = time.perf_counter()
@@ -141,6 +138,7 @@ class Estimator:
         if refine:
             disparity = _refined(used, disparity, confidence)
         done = time.perf_counter()
+        range_px = map_.searched_px or weights.disparity_range_px
         return Result(
             disparity=disparity,
             confidence=confidence,
@@ -154,7 +152,7 @@ class Estimator:
                 "refine": refine,
                 "memory_mb": memory_mb,
                 "device": str(self.device),
-                "range_px": map_.range_px and [round(scale * b, 2) for b in map_.range_px],
+                "range_px": range_px and [round(scale * bound, 2) for bound in range_px],
             },
             weights={"file": weights.source} | weights.metadata,
             seconds={
@@ -166,8 +164,8 @@ class Estimator:
             },
             alignment=alignment,
             warnings=(
-                *_warnings(weights, disparity, confidence, scale),
-                *_doubts(lf, alignment, map_, scale),
+                *views_doubted,
+                *doubts_about_map(weights, disparity, confidence, map_.searched_px, scale),
             ),
         )
 
@@ -191,7 +189,7 @@ class Estimator:
                 seen = local_contrast(seen)
             begun = time.perf_counter()
             disparity = _by_epinet(net, seen, ensemble, memory_mb, progress)
-            return _Map(disparity, None, weights.disparity_range_px, begun)
+            return _Map(disparity, None, None, begun)
         bounds = search_range(lf, scale)
         begun = time.perf_counter()
         return _Map(*_by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress), bounds, begun)
@@ -293,42 +291,6 @@ def _averaged(
 
     maps = [s.undo(run(s.apply_to_stacks(stacks), advance)) for s in SYMMETRIES]
     return torch.stack(maps).mean(0)
-
-
-def _warnings(weights: Weights, disparity: Any, confidence: Any, scale: int) -> tuple[str, ...]:
-    warnings = []
-    bounds = weights.disparity_range_px
-    if bounds is not None:
-        low, high = np.percentile(disparity, [1, 99]) / scale
-        if low < bounds[0] or high > bounds[1]:
-            warnings.append(
-                f"disparities of {low:.1f}..{high:.1f} px exceed the {bounds[0]:g}.."
-                f"{bounds[1]:g} px that the weights were trained for: try a larger --scale"
-            )
-    if np.median(confidence) < LOW_CONFIDENCE:
-        warnings.append(
-            "the views disagree under the estimate: is their order right, and are the "
-            "disparities within range? `epinet info` measures both"
-        )
-    return tuple(warnings)
-
-
-def _doubts(lf: LightField, alignment: Alignment | None, map_: _Map, scale: int) -> list[str]:
-    """What of the views may be otherwise than it was taken to be."""
-    doubts = []
-    if alignment is not None and alignment.misalignment_px > FAR_OUT_PX:
-        doubts.append(
-            f"the views stand {alignment.misalignment_px:.2f} px out of place, which was "
-            "compensated; if their order is wrong the map is, too: `epinet info` measures it"
-        )
-    limit = largest_searched_px(min(lf.size))
-    measured = map_.range_px if map_.error is not None else None
-    if measured is not None and scale * max(map(abs, measured)) >= limit:
-        doubts.append(
-            f"disparities may exceed the {limit:.0f} px that are looked for: shrink the pictures, "
-            "or give views closer together"
-        )
-    return doubts
 
 
 def shrink(stacks: Tensor, scale: int) -> Tensor:
