@@ -200,7 +200,7 @@ class _Refine(nn.Module):
         bumps = [bump / spread_px for bump in _bumps(disparity)]
         spread = torch.full_like(disparity, math.log(spread_px))
         x = torch.cat([residuals, step, told, views.centre, *bumps, spread, context], 1)
-        out = self.out(F.relu(self.body(self.first(x)))).float()
+        out = self.out(F.relu(self.body(_pointwise(x, self.first)))).float()
         weights, choice, more, log_error, kept = out.split(self.parts, 1)
         weights, choice = weights.clamp(-8, 8).exp(), choice.softmax(1)
         slope, match = ((weights * t).sum(1, keepdim=True) for t in (slopes, matches))
@@ -339,6 +339,12 @@ def _enlarged_by(disparity: Tensor, weights: Tensor) -> Tensor:
     padded = F.pad(disparity, (1,) * 4, mode="replicate")
     around = F.unfold(padded, 3).view(b, 1, 9, 1, 1, h, w)
     return (shares * around).sum(2).permute(0, 1, 4, 2, 5, 3).reshape(b, 1, 2 * h, 2 * w)
+
+
+def _pointwise(x: Tensor, layer: nn.Conv2d) -> Tensor:
+    """A convolution of 1x1, its result in the layout of the next ones: this spares a large copy."""
+    flat = F.linear(x.flatten(2).transpose(1, 2), layer.weight.flatten(1), layer.bias)
+    return flat.transpose(1, 2).view(len(x), -1, *x.shape[-2:])
 
 
 def _bias(layer: nn.Conv2d) -> Tensor:
