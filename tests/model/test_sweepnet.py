@@ -6,7 +6,7 @@ import torch
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.matching import ARMS, OUTERMOST, Views, _leaning, gathered, sampled
-from epinet.model.sweepnet import SweepNet, SweepNetConfig
+from epinet.model.sweepnet import SweepNet, SweepNetConfig, _pointwise
 
 SIDE_PX = 48
 
@@ -74,6 +74,28 @@ def test_the_true_plane_costs_least(views, disparity):
         assert costs.amin(0).max() < 1e-5
 
 
+@pytest.mark.parametrize("disparity", [-3.0, 1.5])
+def test_what_an_arm_does_not_show_costs_what_the_others_say(disparity):
+    """Against a loop: beyond the border of a picture without texture nothing looks like a match."""
+    g = torch.Generator().manual_seed(7)
+    seen = Views(torch.rand(1, 4, 9, 20, 18, generator=g))
+    parts = torch.rand(1, 32, 20, 18, generator=g)
+    found = seen._beyond_the_border(parts, disparity).view(8, 2, 2, 20, 18)
+    given = parts.view(8, 2, 2, 20, 18)
+
+    def shows(arm, reach, y, x):
+        *_, row, col = ARMS[arm]
+        return 0 <= y - disparity * reach * row <= 19 and 0 <= x - disparity * reach * col <= 17
+
+    for y, x in ((0, 0), (3, 9), (10, 2), (10, 9), (19, 12)):
+        for k, reach in enumerate((2, 4)):
+            whole = [arm for arm in range(8) if shows(arm, reach, y, x)] or list(range(8))
+            mean = given[whole, k, :, y, x].mean(0)
+            for arm in range(8):
+                expected = given[arm, k, :, y, x] if arm in whole else mean
+                assert torch.allclose(found[arm, k, :, y, x], expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("lean", [(0.0, 0.0), (0.11, 0.0), (0.0, -0.2)])
 def test_costs_are_gathered_over_leaning_squares(lean):
     """Against a loop over the pixels of each square, between hypotheses linear."""
@@ -121,6 +143,13 @@ def test_least_squares_ask_for_the_error_of_an_estimate(views, error):
     inner = (..., slice(12, -12), slice(12, -12))
     step = slopes[inner].sum((2, 3)) / matches[inner].sum((2, 3))
     assert step.numpy() == pytest.approx(-error, abs=0.01)
+
+
+def test_a_convolution_of_one_pixel_is_one():
+    g = torch.Generator().manual_seed(6)
+    layer, x = torch.nn.Conv2d(7, 5, 1), torch.rand(2, 7, 6, 4, generator=g)
+    with torch.no_grad():
+        assert torch.allclose(_pointwise(x, layer), layer(x), atol=1e-6)
 
 
 def test_an_untrained_refinement_takes_the_least_squares_step():

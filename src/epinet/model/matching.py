@@ -85,8 +85,24 @@ class Views:
                     for k, o in enumerate(self.offsets)
                 ]
                 parts += self._parts(torch.stack(moved, 1) - self.gray)
-            planes.append(torch.cat(parts, 1))
+            planes.append(self._beyond_the_border(torch.cat(parts, 1), d))
         return torch.stack(planes, 1)
+
+    def _beyond_the_border(self, parts: Tensor, disparity: float) -> Tensor:
+        """Parts (B, PARTS, H, W) of a plane; where an arm's views do not show it, the mean of the
+        others: the repeated border looks like a match wherever a surface has little texture."""
+        if disparity == 0:
+            return parts
+        shown = torch.stack(
+            [
+                _inside(self.gray, disparity * reach * row, disparity * reach * col)
+                for row, col, _ in self.arms
+                for reach in (OUTERMOST / 2, OUTERMOST)
+            ]
+        ).view(len(ARMS), 2, 1, *parts.shape[-2:])
+        each = parts.view(len(parts), len(ARMS), 2, 2, *parts.shape[-2:])
+        mean = (each * shown).sum(1, keepdim=True) / shown.sum(0).clamp_min(1)
+        return torch.where(shown | ~shown.any(0), each, mean).view_as(parts)
 
     def least_squares(self, disparity: Tensor, spread_px: float) -> tuple[Tensor, Tensor, Tensor]:
         """Of views moved by an estimate (B, 1, H, W).
@@ -172,6 +188,14 @@ def enlarged(images: Tensor) -> Tensor:
     return F.interpolate(images, scale_factor=2, mode="bilinear", align_corners=False)
 
 
+def _inside(images: Tensor, rows: float, cols: float) -> Tensor:
+    """(H, W) bool: where (y - rows, x - cols) lies within images (B, 1, H, W)."""
+    height, width = images.shape[-2:]
+    y = torch.arange(height, device=images.device) - rows
+    x = torch.arange(width, device=images.device) - cols
+    return ((y >= 0) & (y <= height - 1))[:, None] & ((x >= 0) & (x <= width - 1))
+
+
 def _shifted(images: Tensor, rows: float, cols: float) -> Tensor:
     """images (B, H, W) at (y + rows, x + cols), bilinear; the border repeats."""
     return _along(_along(images, -2, rows), -1, cols)
@@ -203,17 +227,19 @@ def sampled(
         (B, P, R, W).
     """
     b, p, h, w = views.shape
-    rows_seen = disparity.shape[-2]
-    y = torch.arange(top, top + rows_seen, device=views.device, dtype=views.dtype).view(1, 1, -1, 1)
-    x = torch.arange(w, device=views.device, dtype=views.dtype).view(1, 1, 1, w)
-    rows, cols = torch.tensor(moves, dtype=views.dtype, device=views.device).T.view(2, 1, p, 1, 1)
-    grid = torch.stack(
-        [(2 * (x - cols * disparity) + 1) / w - 1, (2 * (y - rows * disparity) + 1) / h - 1], -1
+    rows = disparity.shape[-2]
+    y = torch.arange(top, top + rows, device=views.device, dtype=views.dtype)
+    x = torch.arange(w, device=views.device, dtype=views.dtype)
+    places = torch.stack(
+        torch.meshgrid((2 * x + 1) / w - 1, (2 * y + 1) / h - 1, indexing="xy"), -1
     )
+    by = [(2 * col / w, 2 * row / h) for row, col in moves]
+    by_px = torch.tensor(by, dtype=views.dtype, device=views.device).view(1, p, 1, 1, 2)
+    grid = torch.addcmul(places, disparity[..., None], by_px, value=-1)
     seen = F.grid_sample(
         views.reshape(b * p, 1, h, w),
-        grid.view(b * p, rows_seen, w, 2),
+        grid.flatten(0, 1),
         padding_mode="border",
         align_corners=False,
     )
-    return seen.view(b, p, rows_seen, w)
+    return seen.view(b, p, rows, w)
