@@ -74,28 +74,6 @@ def test_the_true_plane_costs_least(views, disparity):
         assert costs.amin(0).max() < 1e-5
 
 
-@pytest.mark.parametrize("disparity", [-3.0, 1.5])
-def test_what_an_arm_does_not_show_costs_what_the_others_say(disparity):
-    """Against a loop: beyond the border of a picture without texture nothing looks like a match."""
-    g = torch.Generator().manual_seed(7)
-    seen = Views(torch.rand(1, 4, 9, 20, 18, generator=g))
-    parts = torch.rand(1, 32, 20, 18, generator=g)
-    found = seen._beyond_the_border(parts, disparity).view(8, 2, 2, 20, 18)
-    given = parts.view(8, 2, 2, 20, 18)
-
-    def shows(arm, reach, y, x):
-        *_, row, col = ARMS[arm]
-        return 0 <= y - disparity * reach * row <= 19 and 0 <= x - disparity * reach * col <= 17
-
-    for y, x in ((0, 0), (3, 9), (10, 2), (10, 9), (19, 12)):
-        for k, reach in enumerate((2, 4)):
-            whole = [arm for arm in range(8) if shows(arm, reach, y, x)] or list(range(8))
-            mean = given[whole, k, :, y, x].mean(0)
-            for arm in range(8):
-                expected = given[arm, k, :, y, x] if arm in whole else mean
-                assert torch.allclose(found[arm, k, :, y, x], expected, atol=1e-6)
-
-
 @pytest.mark.parametrize("lean", [(0.0, 0.0), (0.11, 0.0), (0.0, -0.2)])
 def test_costs_are_gathered_over_leaning_squares(lean):
     """Against a loop over the pixels of each square, between hypotheses linear."""

@@ -85,24 +85,8 @@ class Views:
                     for k, o in enumerate(self.offsets)
                 ]
                 parts += self._parts(torch.stack(moved, 1) - self.gray)
-            planes.append(self._beyond_the_border(torch.cat(parts, 1), d))
+            planes.append(torch.cat(parts, 1))
         return torch.stack(planes, 1)
-
-    def _beyond_the_border(self, parts: Tensor, disparity: float) -> Tensor:
-        """Parts (B, PARTS, H, W) of a plane; where an arm's views do not show it, the mean of the
-        others: the repeated border looks like a match wherever a surface has little texture."""
-        if disparity == 0:
-            return parts
-        shown = torch.stack(
-            [
-                _inside(self.gray, disparity * reach * row, disparity * reach * col)
-                for row, col, _ in self.arms
-                for reach in (OUTERMOST / 2, OUTERMOST)
-            ]
-        ).view(len(ARMS), 2, 1, *parts.shape[-2:])
-        each = parts.view(len(parts), len(ARMS), 2, 2, *parts.shape[-2:])
-        mean = (each * shown).sum(1, keepdim=True) / shown.sum(0).clamp_min(1)
-        return torch.where(shown | ~shown.any(0), each, mean).view_as(parts)
 
     def least_squares(self, disparity: Tensor, spread_px: float) -> tuple[Tensor, Tensor, Tensor]:
         """Of views moved by an estimate (B, 1, H, W).
@@ -186,14 +170,6 @@ def _moved(cost: Tensor, axis: int, by_px: int, by_hypotheses: float) -> Tensor:
 def enlarged(images: Tensor) -> Tensor:
     """Images (B, C, H, W) as (B, C, 2H, 2W), bilinear."""
     return F.interpolate(images, scale_factor=2, mode="bilinear", align_corners=False)
-
-
-def _inside(images: Tensor, rows: float, cols: float) -> Tensor:
-    """(H, W) bool: where (y - rows, x - cols) lies within images (B, 1, H, W)."""
-    height, width = images.shape[-2:]
-    y = torch.arange(height, device=images.device) - rows
-    x = torch.arange(width, device=images.device) - cols
-    return ((y >= 0) & (y <= height - 1))[:, None] & ((x >= 0) & (x <= width - 1))
 
 
 def _shifted(images: Tensor, rows: float, cols: float) -> Tensor:
