@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from epinet.inspect.alignment import Alignment
@@ -27,7 +28,8 @@ def doubts_about_views(lf: LightField, alignment: Alignment | None) -> list[str]
     """
     doubts = []
     if lf.captured:
-        order = check_order(lf)
+        with torch.autocast("cpu", enabled=False):  # of a training run that validates
+            order = check_order(lf)
         if order.is_consistent is False:
             doubts.append(order.verdict)
     if alignment is not None and alignment.misalignment_px > FAR_OUT_PX:
