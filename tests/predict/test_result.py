@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import epinet
 from epinet.errors import InputError
 from epinet.io import read_pfm, write_light_field
 from epinet.lightfield import LightField
@@ -75,14 +76,14 @@ def test_only_a_result_is_replaced(estimator, lf, tmp_path):
     assert {p.name for p in tmp_path.iterdir()} == {"photos", "file", "twice", "run"}
 
 
-def batch(estimator, paths, out, ensemble=False, force=False):
+def batch(estimator, paths, out, ensemble=False, force=False, range_px=None):
     return list(
         predict_all(
             estimator,
             paths,
             out,
             reading=Reading(),
-            options=Options(ensemble=ensemble),
+            options=Options(ensemble=ensemble, range_px=range_px),
             force=force,
             progress=silent,
         )
@@ -155,6 +156,14 @@ def test_inputs_of_one_name_are_refused(lf, tmp_path):
         write_light_field(tmp_path / parent / "same", lf, "hci")
     with pytest.raises(InputError, match="another light field is also named same"):
         check_names([tmp_path / "x" / "same", tmp_path / "y" / "same"])
+
+
+def test_a_result_of_a_stated_range_is_done_for_that_range_alone(lf, tmp_path):
+    write_light_field(tmp_path / "in" / "a", lf, "hci")
+    model, paths, out = epinet.load_model(device="cpu"), [tmp_path / "in" / "a"], tmp_path / "out"
+    ranges = [None, (-1.0, 1.0), (-1.0, 1.0), (-2.0, 1.0)]
+    done = [batch(model, paths, out, range_px=range_px)[0].skipped for range_px in ranges]
+    assert done == [False, False, True, False]
 
 
 def test_what_others_put_beside_a_result_stays_and_does_not_undo_it(estimator, lf, tmp_path):

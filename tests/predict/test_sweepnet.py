@@ -77,8 +77,6 @@ def test_the_search_covers_the_disparities_of_the_views(scene):
     low, high = search_range(scene)
     assert low < np.percentile(scene.truth, 1) and high > np.percentile(scene.truth, 99)
     assert high - low < 8
-    half = search_range(scene, scale=2)
-    assert half == pytest.approx((low / 2, high / 2))
     flat = LightField(np.full((9, 9, 64, 64, 1), 100, np.uint8))
     assert search_range(flat) == RANGES_PX["hci"]
 
@@ -149,5 +147,22 @@ def test_views_that_may_be_otherwise_than_taken_to_be_are_warned_of():
         upside_down = LightField(near[::-1], captured=captured)
         warnings = model.predict(upside_down, refine=False).warnings
         assert any("needs --flip-rows" in w for w in warnings) == captured
-    far = model.predict(LightField(plane(20)), refine=False).warnings
-    assert any("may exceed the 20 px" in w for w in far)
+    far = LightField(plane(20))
+    assert any("may exceed the 20 px" in w for w in model.predict(far, refine=False).warnings)
+    told = model.predict(far, refine=False, range_px=(-24, -16))
+    assert not any("exceed" in w for w in told.warnings)
+
+
+def test_a_stated_range_is_what_is_looked_for(model, scene):
+    """In px of the map, whatever the scale that the network sees."""
+    measured = model.predict(scene)
+    for scale in (1, 2):
+        told = model.predict(scene, scale=scale, range_px=(-2.5, 2.5))
+        assert told.settings["range_px"] == [-2.5, 2.5]
+        assert np.nanmedian(np.abs(told.disparity - measured.disparity)) < 0.02 * scale
+    far = model.predict(plane(-40.3, views=3, side=320), range_px=(-50, -30)).disparity
+    assert np.median(np.abs(far[100:-100, 100:-100] + 40.3)) < 0.1
+    with pytest.raises(InputError, match="a lesser and a greater disparity, not 2,-2"):
+        model.predict(scene, range_px=(2, -2))
+    with pytest.raises(InputError, match="EPINET looks for"):
+        epinet.load_model(model="epinet").predict(scene, range_px=(-2, 2))

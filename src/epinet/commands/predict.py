@@ -39,6 +39,13 @@ def predict(
         int,
         typer.Option(min=1, help="For large disparities: show the network views shrunk so much."),
     ] = 1,
+    range_: Annotated[
+        str | None,
+        typer.Option(
+            "--range",
+            help="Disparities to look for, LOW,HIGH in px per view; default: what the views show.",
+        ),
+    ] = None,
     step: Annotated[int, typer.Option(min=1, help="Take every so many views of a large grid.")] = 1,
     memory: Annotated[
         float, typer.Option(help="Bound on the network's memory in MB; smaller works in tiles.")
@@ -64,7 +71,9 @@ def predict(
     from epinet.allocator import keep_freed_memory
     from epinet.predict.batch import Options, Reading, find_light_fields, predict_all
     from epinet.predict.estimator import load_model
+    from epinet.synth.dataset import parse_range
 
+    range_px = None if range_ is None else parse_range(range_)
     keep_freed_memory()
     estimator = load_model(weights, device, model)
     outcomes = predict_all(
@@ -72,7 +81,7 @@ def predict(
         find_light_fields(paths, layout, remark),
         output,
         reading=Reading(layout, flip_rows, flip_cols, transpose),
-        options=Options(ensemble, scale, step, refine),
+        options=Options(ensemble, scale, step, refine, range_px),
         memory_mb=memory,
         force=force,
         progress=progress,

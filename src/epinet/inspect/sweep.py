@@ -227,7 +227,8 @@ def working_image(gray: NDArray[np.float32], scale: float) -> Tensor:
         image = functional.interpolate(image, size, mode="bilinear", antialias=True)
     kernel = torch.tensor([0.25, 0.5, 0.25])
     padded = functional.pad(image, (1, 1, 1, 1), mode="replicate")
-    return functional.conv2d(padded, torch.outer(kernel, kernel)[None, None])[0, 0]
+    with torch.autocast("cpu", enabled=False):  # of a training run that validates
+        return functional.conv2d(padded, torch.outer(kernel, kernel)[None, None])[0, 0]
 
 
 def box_mean(images: Tensor, window: int) -> Tensor:

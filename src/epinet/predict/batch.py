@@ -51,6 +51,7 @@ class Options:
     scale: int = 1
     step: int = 1
     refine: bool | None = None
+    range_px: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -180,13 +181,15 @@ def _predict(
 def _request(
     path: Path, estimator: Estimator, reading: Reading, options: Options
 ) -> dict[str, Any]:
-    return {
+    request: dict[str, Any] = {
         "epinet": __version__,
         "input": str(path.resolve()),
         "reading": asdict(reading),
         "options": asdict(options),
         "weights_sha256": estimator.sha256,
     }
+    request = json.loads(json.dumps(request))  # as run.json has it: lists, no tuples
+    return request
 
 
 def _finished(folder: Path, path: Path, request: dict[str, Any]) -> dict[str, Any] | None:

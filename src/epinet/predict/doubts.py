@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from epinet.inspect.alignment import Alignment
@@ -28,8 +27,7 @@ def doubts_about_views(lf: LightField, alignment: Alignment | None) -> list[str]
     """
     doubts = []
     if lf.captured:
-        with torch.autocast("cpu", enabled=False):  # of a training run that validates
-            order = check_order(lf)
+        order = check_order(lf)
         if order.is_consistent is False:
             doubts.append(order.verdict)
     if alignment is not None and alignment.misalignment_px > FAR_OUT_PX:
@@ -46,12 +44,14 @@ def doubts_about_map(
     confidence: Floats,
     searched_px: tuple[float, float] | None,
     scale: int,
+    measured: bool,
 ) -> list[str]:
     """Of disparities (H, W) and their confidence.
 
     Args:
         searched_px: disparities that the network looked for, in views shrunk by the scale; None
             from one that is bound to those it was trained for.
+        measured: whether the views told them, rather than the user.
     """
     doubts = []
     bounds = weights.disparity_range_px
@@ -63,10 +63,9 @@ def doubts_about_map(
                 f"{bounds[1]:g} px that the weights were trained for: try a larger --scale"
             )
     limit = largest_searched_px(min(disparity.shape))
-    if searched_px is not None and scale * max(map(abs, searched_px)) >= limit:
+    if searched_px is not None and measured and scale * max(map(abs, searched_px)) >= limit:
         doubts.append(
-            f"disparities may exceed the {limit:.0f} px that are looked for: shrink the pictures, "
-            "or give views closer together"
+            f"disparities may exceed the {limit:.0f} px that are looked for: give their --range"
         )
     if np.median(confidence) < LOW_CONFIDENCE:
         doubts.append(

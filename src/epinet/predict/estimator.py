@@ -97,6 +97,7 @@ class Estimator:
         scale: int = 1,
         step: int = 1,
         refine: bool | None = None,
+        range_px: tuple[float, float] | None = None,
         memory_mb: float = DEFAULT_MEMORY_MB,
         progress: Progress = lambda share: None,
     ) -> Result:
@@ -110,13 +111,14 @@ class Estimator:
             step: take every step-th view; the map is then per so many adjacent views.
             refine: compensate misalignment and exposure of the views before, and take the weighted
                 median after (docs/refinement.md); None does so where a camera took the views.
+            range_px: disparities that SweepNet looks for, in the map's unit; None measures them.
             memory_mb: bound on what the network holds at once, beside the views themselves.
             progress: called with the share of the work (0..1) done since the last call.
 
         Raises:
             InputError: the light field does not suit the network or the settings.
         """
-        self._check(lf, scale, step, memory_mb)
+        self._check(lf, scale, step, memory_mb, range_px)
         start = time.perf_counter()
         weights, used = self._fitting(lf, step)
         refine = lf.captured if refine is None else refine
@@ -125,7 +127,7 @@ class Estimator:
         if alignment is not None:
             used = compensated(used, alignment)
         aligned = time.perf_counter()
-        map_ = self._estimate(weights, used, ensemble, scale, memory_mb, progress)
+        map_ = self._estimate(weights, used, ensemble, scale, range_px, memory_mb, progress)
         disparity = enlarge(map_.disparity, scale, lf.size).cpu().numpy()
         estimated = time.perf_counter()
         expected = None
@@ -138,7 +140,7 @@ class Estimator:
         if refine:
             disparity = _refined(used, disparity, confidence)
         done = time.perf_counter()
-        range_px = map_.searched_px or weights.disparity_range_px
+        known_px = map_.searched_px or weights.disparity_range_px
         return Result(
             disparity=disparity,
             confidence=confidence,
@@ -152,7 +154,7 @@ class Estimator:
                 "refine": refine,
                 "memory_mb": memory_mb,
                 "device": str(self.device),
-                "range_px": range_px and [round(scale * bound, 2) for bound in range_px],
+                "range_px": known_px and [round(scale * bound, 2) for bound in known_px],
             },
             weights={"file": weights.source} | weights.metadata,
             seconds={
@@ -165,7 +167,9 @@ class Estimator:
             alignment=alignment,
             warnings=(
                 *views_doubted,
-                *doubts_about_map(weights, disparity, confidence, map_.searched_px, scale),
+                *doubts_about_map(
+                    weights, disparity, confidence, map_.searched_px, scale, range_px is None
+                ),
             ),
         )
 
@@ -175,6 +179,7 @@ class Estimator:
         lf: LightField,
         ensemble: bool,
         scale: int,
+        range_px: tuple[float, float] | None,
         memory_mb: float,
         progress: Progress,
     ) -> _Map:
@@ -190,11 +195,19 @@ class Estimator:
             begun = time.perf_counter()
             disparity = _by_epinet(net, seen, ensemble, memory_mb, progress)
             return _Map(disparity, None, None, begun)
-        bounds = search_range(lf, scale)
+        low, high = range_px or search_range(lf)
+        bounds = (low / scale, high / scale)
         begun = time.perf_counter()
         return _Map(*_by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress), bounds, begun)
 
-    def _check(self, lf: LightField, scale: int, step: int, memory_mb: float) -> None:
+    def _check(
+        self,
+        lf: LightField,
+        scale: int,
+        step: int,
+        memory_mb: float,
+        range_px: tuple[float, float] | None,
+    ) -> None:
         name = lf.source or "light field"
         problems = []
         if scale < 1 or step < 1:
@@ -203,6 +216,16 @@ class Estimator:
             problems.append(f"{name}: views of {lf.size[1]}x{lf.size[0]} px are too small for it")
         if not (math.isfinite(memory_mb) and memory_mb > 0):
             problems.append(f"the memory bound must be positive, not {memory_mb} MB")
+        if range_px is not None:
+            low, high = range_px
+            if not -math.inf < low < high < math.inf:
+                problems.append(
+                    f"the range must be a lesser and a greater disparity, not {low:g},{high:g}"
+                )
+            if any(isinstance(w.net, Epinet) for w in self.weights):
+                problems.append(
+                    "EPINET looks for what it was trained for: give --scale instead of a range"
+                )
         fewest = min(w.views[-1] for w in self.weights)
         if min(lf.grid) < fewest:
             problems.append(
@@ -232,17 +255,16 @@ class Estimator:
         raise InputError(problems)
 
 
-def search_range(lf: LightField, scale: int = 1) -> tuple[float, float]:
-    """Disparities to look for, in px of views shrunk by `scale`: those that the views show.
+def search_range(lf: LightField) -> tuple[float, float]:
+    """Disparities to look for, in px: those that the views show.
 
     Where they show too little texture to tell, the benchmark's.
     """
-    with torch.autocast("cpu", enabled=False):  # of a training run that validates
-        found = estimate_range(lf)
+    found = estimate_range(lf)
     if found is None:
         return RANGES_PX["hci"]
     slack = max(LEAST_SLACK_PX, SLACK * (found.max_px - found.min_px))
-    return (found.min_px - slack) / scale, (found.max_px + slack) / scale
+    return found.min_px - slack, found.max_px + slack
 
 
 def _by_epinet(
