@@ -347,3 +347,21 @@ def test_weights_may_keep_a_share_of_those_that_they_start_from(held_out, tmp_pa
         torch.testing.assert_close(tensor, expected, rtol=2e-3, atol=1e-4)
     with pytest.raises(InputError, match="start_share"):
         load_recipe("sweepnet", {"start_share": 0.5})
+
+
+def test_frozen_parts_keep_the_weights_they_start_from(held_out, tmp_path):
+    scenes = Validation.of_folders([held_out], views=3)
+    values = {"steps": 2, "batch": 2, "patch_px": 24, "large_patches": 0.0, "fewer_views": 0.0}
+    values |= {"views": 3, "start": "sweepnet", "validate_every": 2, "frozen": ["sweep", "fill"]}
+    recipe = load_recipe("sweepnet", values)
+    Run(recipe, tmp_path, validation=scenes, say=lambda line: None).train()
+    start = load_weights("sweepnet").net.state_dict()
+    after = load_weights(tmp_path / "weights.safetensors").net.state_dict()
+    changed = {
+        name.partition(".")[0] for name in start if not torch.equal(start[name], after[name])
+    }
+    assert changed == {"refine"}
+    with pytest.raises(InputError, match="frozen: takes a SweepNet that starts from weights"):
+        load_recipe("sweepnet", {"frozen": ["sweep"]})
+    with pytest.raises(InputError, match="frozen"):
+        load_recipe("sweepnet", values | {"frozen": ["eyes"]})

@@ -94,6 +94,9 @@ class Recipe(_Model):
     """Starting weights: "glorot", Keras' default; "differences", He's on differences to the centre
     view; "own", SweepNet's; or trained ones: a file, or the name of shipped ones."""
 
+    frozen: tuple[Literal["sweep", "fill", "refine"], ...] = ()
+    """Parts of SweepNet that keep the weights it starts from."""
+
     norms: bool = False
     """Batch normalisation behind every hidden convolution; it folds into the weights kept."""
     fixed_norms_from: Annotated[float, Field(ge=0, lt=1)] | None = None
@@ -176,6 +179,8 @@ class Recipe(_Model):
             )
         if self.start_share and (self.model != SWEEPNET or self.from_scratch):
             raise ValueError("start_share: takes a SweepNet that starts from weights")
+        if self.frozen and (self.model != SWEEPNET or self.from_scratch):
+            raise ValueError("frozen: takes a SweepNet that starts from weights")
         if self.mirror_weight and (self.least_weight is None or self.disparity_range_px is None):
             raise ValueError("mirror_weight: takes a least_weight and rendered scenes alone")
         if not any(self.scale_weights):

@@ -135,6 +135,8 @@ class Run:
             self.started_from = begin(self.net, recipe, self.batches[0])
         elif recipe.norms:
             add_norms(as_epinet(self.net))
+        for part in recipe.frozen:
+            self.net.get_submodule(part).requires_grad_(False)
         self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = AveragedModel(self.net, avg_fn=self._average)
         self.optimisers = Optimisers(self.net, recipe)
