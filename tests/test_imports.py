@@ -9,7 +9,7 @@ SOURCE = Path(epinet.__file__).parent
 
 LAYERS = (
     {"allocator", "errors", "progress"},
-    {"angular", "camera"},
+    {"angular", "camera", "srgb"},
     {"lightfield"},
     {"inspect", "metrics", "raw"},
     {"io", "refine"},

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epinet.effects.light import to_light, to_samples
+from epinet.srgb import to_light, to_samples
 
 WHITE = (255, 255, 255)
 

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from epinet.effects.light import to_light, to_samples
 from epinet.errors import InputError
 from epinet.lightfield import LightField
+from epinet.srgb import to_light, to_samples
 
 _HIDDEN_PX = 0.3
 """A point is hidden in a view if one nearer by more disparity is seen at its place."""

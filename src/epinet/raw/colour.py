@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from epinet.raw.bayer import Image
 from epinet.raw.metadata import Frame
+from epinet.srgb import encoded
 
 
 def balance(image: Image, frame: Frame, pattern: NDArray[np.intp]) -> None:
@@ -23,8 +24,5 @@ def to_srgb(rgb: Image, frame: Frame) -> NDArray[np.uint16]:
     """
     exposed = np.clip(rgb, 0, 1) * np.float32(2.0**frame.exposure_bias)
     matrix = np.array(frame.matrix, np.float32).reshape(3, 3)
-    linear = np.clip(exposed @ matrix.T, 0, 1)
-    encoded = np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** np.float32(1 / 2.4) - 0.055
-    )
-    return np.round(encoded * 65535).astype(np.uint16)
+    linear = exposed @ matrix.T
+    return np.round(encoded(linear) * 65535).astype(np.uint16)

@@ -18,6 +18,7 @@ from epinet.angular import star_positions
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.lightfield import LightField
+from epinet.srgb import encoded
 from epinet.synth.pathtraced.assets import Library
 from epinet.synth.pathtraced.elements import Scene
 from epinet.synth.pathtraced.rig import VIEWS, Rig, centre_rig, fitted_rig
@@ -149,17 +150,9 @@ def render_view(
         )
         linear = np.nan_to_num(np.array(image, dtype=np.float64)) * scene.exposure
         halves[number % 2] += np.clip(linear, 0, WHITE_LIMIT) * 2 / settings.passes
-    difference = srgb(halves[0]) - srgb(halves[1])
+    difference = encoded(halves[0]) - encoded(halves[1])
     noise = 255 * float(np.sqrt((difference**2).mean())) / 2
-    return np.round(255 * srgb(halves.mean(axis=0))).astype(np.uint8), noise
-
-
-def srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Linear values, clipped to 0..1, in the encoding of sRGB (IEC 61966-2-1)."""
-    clipped = np.clip(linear, 0, 1)
-    curved = 1.055 * clipped ** (1 / 2.4) - 0.055
-    encoded: NDArray[np.float64] = np.where(clipped <= 0.0031308, 12.92 * clipped, curved)
-    return encoded
+    return np.round(255 * encoded(halves.mean(axis=0))).astype(np.uint8), noise
 
 
 def _render_to(
