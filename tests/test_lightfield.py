@@ -1,5 +1,7 @@
 """Views, selections and corrections of a light field."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,20 @@ def test_corrections_of_the_order():
     # transposed first: the view that stood at (row 0, col 1) ends in the last row
     assert positions(lf.reordered(flip_rows=True, transpose=True))[1][0] == (0, 1)
     assert "transposed, rows flipped" in lf.reordered(flip_rows=True, transpose=True).notes[0]
+
+
+def test_the_order_says_how_to_reach_it_at_once_however_it_was_reached():
+    lf = labelled(3, 5)
+    arrangements = list(itertools.product((False, True), repeat=3))
+
+    def reordered(lf, rows, cols, transpose):
+        return lf.reordered(flip_rows=rows, flip_cols=cols, transpose=transpose)
+
+    for first, second in itertools.product(arrangements, repeat=2):
+        twice = reordered(reordered(lf, *first), *second)
+        once = reordered(lf, *twice.order)
+        assert once.order == twice.order
+        np.testing.assert_array_equal(once.views, twice.views)
 
 
 def test_gray_is_the_references_luma_for_8_and_16_bits():

@@ -51,6 +51,8 @@ class LightField:
     """(row, col) of views[0, 0] in the grid that was read."""
     grid_step: int = 1
     """How many views of the grid that was read lie from one of these to the next."""
+    order: tuple[bool, bool, bool] = (False, False, False)
+    """flip_rows, flip_cols and transpose by which that grid was put in order; see `reordered`."""
     notes: tuple[str, ...] = ()
     """What a user should know about how it was read."""
     captured: bool = False
@@ -195,7 +197,13 @@ class LightField:
         notes = self.notes
         if made:
             notes += (f"order of the views corrected ({made}); they are counted in that order",)
-        changed = replace(self, views=views, present=present, notes=notes, view_truths={})
+        rows, cols, transposed = self.order
+        if transpose:
+            rows, cols = cols, rows
+        order = (rows != flip_rows, cols != flip_cols, transposed != transpose)
+        changed = replace(
+            self, views=views, present=present, notes=notes, order=order, view_truths={}
+        )
         return replace(changed, truth=None, masks={}, objects=None) if moved else changed
 
     def _grid_text(self) -> str:

@@ -33,7 +33,6 @@ def saved(tmp_path_factory):
         np.linspace(0, 1, 24 * 30, dtype=np.float32).reshape(24, 30),
         lf,
         settings={"step": 2},
-        request={"reading": {"layout": None, "flip_rows": True}},
     )
     result.save(folder / "result")
     return result, folder
@@ -105,7 +104,7 @@ def test_other_folders_are_no_results(folder, tmp_path):
     with pytest.raises(InputError, match=r"not a result folder.*no run\.json"):
         read_result(tmp_path)
     (folder / "run.json").write_text("[]")
-    with pytest.raises(InputError, match="not the record of epinet predict"):
+    with pytest.raises(InputError, match="not the record of this version"):
         read_result(folder)
 
 

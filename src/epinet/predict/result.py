@@ -84,6 +84,7 @@ class Result:
             "epinet": __version__,
             "input": None if lf.source is None else str(lf.source.resolve()),
             "layout": lf.layout,
+            "order": list(lf.order),
             "views_used": list(lf.grid),
             "reference_view": lf.reference,
             "size_px": {"height": lf.size[0], "width": lf.size[1]},

@@ -21,9 +21,6 @@ from epinet.io.read import read_light_field
 from epinet.lightfield import LightField
 from epinet.refine.compensation import compensated
 
-_ORDER = ("flip_rows", "flip_cols", "transpose")
-"""Options of reading that put the views in order."""
-
 _ANOTHER_SCENE = 0.05
 """Mean difference of the reference view to centre.png from which the views are another scene's."""
 
@@ -70,9 +67,11 @@ class StoredResult:
             InputError: they are gone, or others stand there.
         """
         source = path or self._source()
-        reading = (self.run.get("request") or {}).get("reading") or {}
-        order = {name: bool(reading.get(name)) for name in _ORDER}
-        lf = read_light_field(source, reading.get("layout")).reordered(**order)
+        flip_rows, flip_cols, transpose = map(bool, self.run["order"])
+        layout = self.run["layout"] if path is None else None  # elsewhere, it may be another
+        lf = read_light_field(source, layout).reordered(
+            flip_rows=flip_rows, flip_cols=flip_cols, transpose=transpose
+        )
         settings = self.run.get("settings") or {}
         lf = lf.central(int(self.run["views_used"][0]), int(settings.get("step", 1)))
         self._check_same(lf, source)
@@ -137,8 +136,8 @@ def read_result(folder: str | Path) -> StoredResult:
 def _read_run(path: Path) -> dict[str, Any]:
     with parsing(path, "a run's record"):
         run: Any = json.loads(path.read_text())
-    if not isinstance(run, dict) or "views_used" not in run:
-        raise InputError(f"{path}: not the record of epinet predict")
+    if not isinstance(run, dict) or not run.keys() >= {"views_used", "layout", "order"}:
+        raise InputError(f"{path}: not the record of this version of epinet predict; predict again")
     return run
 
 
