@@ -58,14 +58,14 @@ def _whole_directions() -> None:
 
     least_squares = matching.Views.least_squares
 
-    def mixed_squares(self: matching.Views, *args: Any) -> tuple[Tensor, ...]:
+    def mixed_squares(self: matching.Views, *args: Any) -> tuple[list[Tensor], Tensor, Tensor]:
         residuals, slopes, matches = least_squares(self, *args)
-        eight = residuals.unflatten(1, (4, 2, 12)).mean(2, keepdim=True)
-        both = [t.unflatten(1, (4, 2)).mean(2, keepdim=True) for t in (slopes, matches)]
-        return (
-            eight.expand(-1, -1, 2, -1, -1, -1).flatten(1, 3),
-            *(t.expand(-1, -1, 2, -1, -1).flatten(1, 2) for t in both),
+        eight = torch.cat(residuals, 1).unflatten(1, (4, 2, -1)).mean(2, keepdim=True)
+        slopes, matches = (
+            t.unflatten(1, (4, 2)).mean(2, keepdim=True).expand(-1, -1, 2, -1, -1).flatten(1, 2)
+            for t in (slopes, matches)
         )
+        return [eight.expand(-1, -1, 2, -1, -1, -1).flatten(1, 3)], slopes, matches
 
     matching.Views.costs = mixed  # type: ignore[method-assign]
     matching.Views.least_squares = mixed_squares  # type: ignore[method-assign,assignment]
@@ -123,6 +123,10 @@ VARIANTS = {
     ),
     "neighbours": Variant(
         "no choice among neighbours", {"shape": {"neighbours": [[1, 1], [1, 1], [1, 1]]}}
+    ),
+    "surroundings": Variant(
+        "no views moved by the extremes of the surroundings",
+        {"shape": {"surroundings_px": [1, 1, 1]}},
     ),
     "context": Variant("no context passed to the refinements", patch=_no_context),
     "plain": Variant("plain absolute error instead of the robust one", {"loss_scale_px": None}),

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.matching import ARMS, OUTERMOST, Views, _leaning, gathered, sampled
-from epinet.model.sweepnet import SweepNet, SweepNetConfig, _pointwise
+from epinet.model.sweepnet import SweepNet, SweepNetConfig, _extremes, _pointwise
 
 SIDE_PX = 48
 
@@ -121,6 +122,43 @@ def test_least_squares_ask_for_the_error_of_an_estimate(views, error):
     inner = (..., slice(12, -12), slice(12, -12))
     step = slopes[inner].sum((2, 3)) / matches[inner].sum((2, 3))
     assert step.numpy() == pytest.approx(-error, abs=0.01)
+
+
+def test_residuals_at_other_estimates_are_those_of_the_estimates_themselves():
+    g = torch.Generator().manual_seed(4)
+    seen = Views(plane(0.63))
+    estimates = 2 * torch.rand(3, 1, 1, SIDE_PX, SIDE_PX, generator=g) - 1
+    residuals, _, _ = seen.least_squares(estimates[0], 0.1, tuple(estimates[1:]))
+    together = torch.cat(residuals, 1).unflatten(1, (8, 5, -1))
+    for k, estimate in zip((0, 3, 4), estimates, strict=True):
+        alone = torch.cat(seen.least_squares(estimate, 0.1)[0], 1).unflatten(1, (8, 3, -1))
+        assert torch.equal(together[:, :, k], alone[:, :, 0])
+
+
+def test_extremes_are_those_of_the_square_around():
+    g = torch.Generator().manual_seed(5)
+    disparity = torch.randn(2, 1, 9, 13, generator=g)
+    greatest, least = _extremes(disparity, 5)
+    for k in range(2):
+        image = disparity[k, 0].numpy()
+        assert np.array_equal(greatest[k, 0].numpy(), maximum_filter(image, 5, mode="nearest"))
+        assert np.array_equal(least[k, 0].numpy(), minimum_filter(image, 5, mode="nearest"))
+
+
+@pytest.mark.parametrize(("chosen", "disparity"), [(-2, 1.0), (-1, -1.0)])
+def test_a_refinement_can_choose_the_surface_in_front_or_behind(chosen, disparity):
+    """Four pixels from an edge, where no disparity of the 5x5 right around is the other one's."""
+    net = SweepNet(SweepNetConfig(neighbours=((3, 2), (3, 1), (3, 1)))).eval()
+    step = torch.ones(1, 1, SIDE_PX, SIDE_PX)
+    step[..., SIDE_PX // 2 :] = -1
+    context = torch.zeros(1, net.config.context_width, SIDE_PX, SIDE_PX)
+    views = torch.full((1, 4, 9, SIDE_PX, SIDE_PX), 0.5)  # no texture: least squares stay still
+    with torch.no_grad():
+        net.refine[1].out.bias[chosen] = 30
+        refined, _ = net.refine[1](Views(views), step, 0.25, context)
+    near_edge = refined[..., SIDE_PX // 2 - 4 : SIDE_PX // 2 + 4]
+    assert torch.allclose(near_edge, torch.full_like(near_edge, disparity))
+    assert torch.allclose(refined[..., :8], step[..., :8])
 
 
 def test_a_convolution_of_one_pixel_is_one():

@@ -88,28 +88,34 @@ class Views:
             planes.append(torch.cat(parts, 1))
         return torch.stack(planes, 1)
 
-    def least_squares(self, disparity: Tensor, spread_px: float) -> tuple[Tensor, Tensor, Tensor]:
+    def least_squares(
+        self, disparity: Tensor, spread_px: float, others: Sequence[Tensor] = ()
+    ) -> tuple[list[Tensor], Tensor, Tensor]:
         """Of views moved by an estimate (B, 1, H, W).
 
+        Args:
+            disparity: the estimate.
+            spread_px: how much nearer and farther the views are moved, too.
+            others: estimates of which only the residuals are wanted.
+
         Returns:
-            residuals (B, 3 * PARTS, H, W) at the estimate, nearer and farther; and of each arm
-            (B, 8, H, W) sums of residual times slope and of slope squared, so that the step which
-            its views ask for is their quotient.
+            (3 + others) * PARTS residuals (B, 1, H, W), arm by arm, at the estimate, nearer,
+            farther and at the others; and of each arm (B, 8, H, W) sums of residual times slope
+            and of slope squared, so that the step which its views ask for is their quotient.
         """
+        estimates = [disparity, disparity + spread_px, disparity - spread_px, *others]
         residuals: list[Tensor] = []
         slopes, matches = [], []
         for row, col, views in self.arms:
             moves = [(o * row, o * col) for o in self.offsets]
-            at, near, far = (
-                sampled(views, disparity + by, moves) - self.gray
-                for by in (0, spread_px, -spread_px)
-            )
-            for r in (at, near, far):
+            differences = [sampled(views, d, moves) - self.gray for d in estimates]
+            for r in differences:
                 residuals += self._parts(r)
+            at, near, far = differences[:3]
             at, slope = at / self.unit, (near - far) / (2 * spread_px * self.unit)
             slopes.append(-(at * slope).mean(1, keepdim=True))
             matches.append((slope * slope).mean(1, keepdim=True))
-        return torch.cat(residuals, 1), torch.cat(slopes, 1), torch.cat(matches, 1)
+        return residuals, torch.cat(slopes, 1), torch.cat(matches, 1)
 
     def _parts(self, differences: Tensor) -> list[Tensor]:
         """Inner and outer mean (B, 1, H, W) of an arm's differences, in 0..1."""

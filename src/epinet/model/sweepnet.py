@@ -57,11 +57,15 @@ class SweepNetConfig:
     looks, in pixels of its resolution."""
     neighbours: tuple[tuple[int, int], ...] = ((3, 2), (5, 2), (3, 1))
     """For each refinement (side, spacing in px) of the square whose maps a pixel chooses from."""
+    surroundings_px: tuple[int, ...] = (5, 9, 5)
+    """For each refinement the side of the square whose nearest and farthest disparities it looks
+    at, too, and may choose."""
 
     def __post_init__(self) -> None:
         # JSON has lists.
         object.__setattr__(self, "spreads_px", tuple(self.spreads_px))
         object.__setattr__(self, "neighbours", tuple((n, px) for n, px in self.neighbours))
+        object.__setattr__(self, "surroundings_px", tuple(self.surroundings_px))
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -171,36 +175,48 @@ class _Refine(nn.Module):
     """Moves an estimate by least squares of the arms' residuals, as a network weighs them.
 
     Then each pixel chooses among its neighbours' disparities: beside an edge the estimate is often
-    of the wrong surface, too far off for least squares, while a neighbour has it right.
+    of the wrong surface, too far off for least squares, while a neighbour has it right. Which one,
+    its own views tell: they are also moved by the nearest and the farthest disparity around.
     """
 
     DILATIONS = (1, 2, 4, 8, 1)
 
-    def __init__(self, width: int, context: int, neighbours: tuple[int, int]) -> None:
+    def __init__(
+        self, width: int, context: int, neighbours: tuple[int, int], surroundings_px: int
+    ) -> None:
         super().__init__()
         self.side, self.apart_px = neighbours
-        seen = 3 * PARTS + 2 * len(ARMS) + 2 + len(SMOOTHINGS_PX) + 1 + context
-        self.first = nn.Conv2d(seen, width, 1)
+        self.surroundings_px = surroundings_px
+        seen = 5 * PARTS + 2 * len(ARMS) + 2 + len(SMOOTHINGS_PX) + 1 + 2 + context
+        self.width = width
+        self.first = nn.Conv2d(seen, 3 * width, 1)
+        self.compared = nn.Conv2d(2 * width, width, 1)
         self.body = nn.Sequential(*(_Residual(width, d) for d in self.DILATIONS))
-        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, self.side**2)
+        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, self.side**2 + 2)
         self.out = nn.Conv2d(width, sum(self.parts), 3, padding=1)
-        nn.init.zeros_(self.out.weight)
-        nn.init.zeros_(_bias(self.out))
+        for last in (self.compared, self.out):
+            nn.init.zeros_(last.weight)
+            nn.init.zeros_(_bias(last))
         with torch.no_grad():
-            _bias(self.out)[-(self.side**2 // 2 + 1)] = KEPT
+            _bias(self.out)[-(self.side**2 // 2 + 3)] = KEPT
 
     def forward(
         self, views: Views, disparity: Tensor, spread_px: float, context: Tensor
     ) -> tuple[Tensor, Tensor]:
         """The map (B, 1, H, W) refined, and the logarithm of its expected error."""
         disparity = disparity.detach()
-        residuals, slopes, matches = views.least_squares(disparity, spread_px)
+        around = _extremes(disparity, self.surroundings_px)
+        residuals, slopes, matches = views.least_squares(disparity, spread_px, around)
         step = (slopes / (matches + 1e-4) / spread_px).clamp(-2, 2)
         told = 0.3 * torch.log(matches * spread_px**2 + 1e-5) + 2
         bumps = [bump / spread_px for bump in _bumps(disparity)]
         spread = torch.full_like(disparity, math.log(spread_px))
-        x = torch.cat([residuals, step, told, views.centre, *bumps, spread, context], 1)
-        out = self.out(F.relu(self.body(_pointwise(x, self.first)))).float()
+        jumps = [torch.log1p((t - disparity).abs() / spread_px) for t in around]
+        x = torch.cat([*residuals, step, told, views.centre, *bumps, spread, *jumps, context], 1)
+        del residuals  # they are large
+        seen = _pointwise(x, self.first)
+        compared = _pointwise(F.relu(seen[:, self.width :]), self.compared)
+        out = self.out(F.relu(self.body(seen[:, : self.width] + compared))).float()
         weights, choice, more, log_error, kept = out.split(self.parts, 1)
         weights, choice = weights.clamp(-8, 8).exp(), choice.softmax(1)
         slope, match = ((weights * t).sum(1, keepdim=True) for t in (slopes, matches))
@@ -210,9 +226,11 @@ class _Refine(nn.Module):
             disparity = disparity + choice[:, k : k + 1] * moved.clamp(
                 -2 * spread_px, 2 * spread_px
             )
-        if self.side > 1:
-            maps = _neighbours(disparity, self.side, self.apart_px)
-            disparity = (kept.softmax(1) * maps).sum(1, keepdim=True)
+        maps = [
+            _neighbours(disparity, self.side, self.apart_px),
+            *_extremes(disparity, self.surroundings_px),
+        ]
+        disparity = (kept.softmax(1) * torch.cat(maps, 1)).sum(1, keepdim=True)
         return disparity, log_error + math.log(spread_px)
 
 
@@ -231,8 +249,10 @@ class SweepNet(nn.Module):
         self.sweep = _Sweep(config.sweep_width)
         self.fill = _Fill(config.fill_width, config.context_width)
         self.refine = nn.ModuleList(
-            _Refine(config.refine_width, config.context_width, neighbours)
-            for _, neighbours in zip(config.spreads_px, config.neighbours, strict=True)
+            _Refine(config.refine_width, config.context_width, neighbours, surroundings_px)
+            for _, neighbours, surroundings_px in zip(
+                config.spreads_px, config.neighbours, config.surroundings_px, strict=True
+            )
         )
 
     def hypotheses(self, range_px: tuple[float, float], views: int) -> tuple[int, Tensor]:
@@ -321,6 +341,15 @@ def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
 def _bumps(disparity: Tensor) -> list[Tensor]:
     """What smoothing changes."""
     return [box_mean(disparity, side) - disparity for side in SMOOTHINGS_PX]
+
+
+def _extremes(disparity: Tensor, side: int) -> tuple[Tensor, Tensor]:
+    """Greatest and least of a map (B, 1, H, W) in the square around each pixel."""
+    greatest, least = disparity, -disparity
+    for window, reach in (((side, 1), (side // 2, 0)), ((1, side), (0, side // 2))):
+        greatest = F.max_pool2d(greatest, window, 1, reach)
+        least = F.max_pool2d(least, window, 1, reach)
+    return greatest, -least
 
 
 def _neighbours(images: Tensor, side: int, apart_px: int) -> Tensor:

@@ -24,7 +24,7 @@ FLOATS_PER_PX_AND_CHANNEL = 5.3
 OVERLAP_PX = 64
 """What SweepNet's tiles share with each neighbour."""
 
-FLOATS_PER_PX, FLOATS_PER_PX_AND_HYPOTHESIS = 910, 56
+FLOATS_PER_PX, FLOATS_PER_PX_AND_HYPOTHESIS = 940, 60
 """Peaks of what SweepNet holds at once: while it refines, and while it sweeps (measured; see
 benchmarks/memory.py)."""
 
