@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import torch
-from scipy.ndimage import maximum_filter, minimum_filter
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.matching import ARMS, OUTERMOST, Views, _leaning, gathered, sampled
-from epinet.model.sweepnet import SweepNet, SweepNetConfig, _extremes, _pointwise
+from epinet.model.sweepnet import SweepNet, SweepNetConfig, _pointwise
 
 SIDE_PX = 48
 
@@ -133,16 +132,6 @@ def test_residuals_at_other_estimates_are_those_of_the_estimates_themselves():
     for k, estimate in zip((0, 3, 4), estimates, strict=True):
         alone = torch.cat(seen.least_squares(estimate, 0.1)[0], 1).unflatten(1, (8, 3, -1))
         assert torch.equal(together[:, :, k], alone[:, :, 0])
-
-
-def test_extremes_are_those_of_the_square_around():
-    g = torch.Generator().manual_seed(5)
-    disparity = torch.randn(2, 1, 9, 13, generator=g)
-    greatest, least = _extremes(disparity, 5)
-    for k in range(2):
-        image = disparity[k, 0].numpy()
-        assert np.array_equal(greatest[k, 0].numpy(), maximum_filter(image, 5, mode="nearest"))
-        assert np.array_equal(least[k, 0].numpy(), minimum_filter(image, 5, mode="nearest"))
 
 
 @pytest.mark.parametrize(("chosen", "disparity"), [(-2, 1.0), (-1, -1.0)])

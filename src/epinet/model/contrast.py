@@ -8,7 +8,8 @@ standard deviation. The network itself is unchanged.
 from __future__ import annotations
 
 from torch import Tensor
-from torch.nn import functional as F
+
+from epinet.model.squares import box_mean
 
 WINDOW_PX = 25
 """Mean and deviation are taken over this square, about the network's field of view."""
@@ -42,12 +43,3 @@ def local_statistics(images: Tensor, side: int, floor: float) -> tuple[Tensor, T
     mean = box_mean(images, side)
     variance = (box_mean(images * images, side) - mean * mean).clamp_min(0)
     return mean, (variance + floor**2).sqrt()
-
-
-def box_mean(images: Tensor, side: int) -> Tensor:
-    """Mean over the square around each pixel of (B, C, H, W), of what of it lies inside."""
-    if side == 1:
-        return images
-    for window, pad in (((side, 1), (side // 2, 0)), ((1, side), (0, side // 2))):
-        images = F.avg_pool2d(images, window, 1, pad, count_include_pad=False)
-    return images

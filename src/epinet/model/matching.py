@@ -17,6 +17,7 @@ from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.contrast import local_statistics
+from epinet.model.squares import extremes
 
 UNIT_WINDOW_PX = 9
 """The local contrast of the centre view is taken over this square."""
@@ -63,10 +64,10 @@ class Views:
     def __init__(self, stacks: Tensor) -> None:
         half = stacks.shape[2] // 2
         self.offsets = [OUTERMOST * k / half for k in range(1, half + 1)]
-        self.inner = [o <= OUTERMOST / 2 or half == 1 for o in self.offsets]
+        self.inner = max(1, half // 2)  # of each arm, in the order of its views
         self.gray = stacks[:, :1, half]  # (B, 1, H, W)
         mean, unit = local_statistics(self.gray, UNIT_WINDOW_PX, FLOOR)
-        faint = -F.max_pool2d(-unit, UNIT_WINDOW_PX, 1, UNIT_WINDOW_PX // 2)
+        _, faint = extremes(unit, UNIT_WINDOW_PX)
         self.unit, self.units = unit, (unit, faint)
         self.centre = torch.cat([(self.gray - mean) / unit / 2, unit.log() / 2 + 2], 1)
         self.arms = [
@@ -121,9 +122,8 @@ class Views:
         """Inner and outer mean (B, 1, H, W) of an arm's differences, in 0..1."""
         sizes = differences.abs()
         parts = []
-        for inner in (True, False):
-            chosen = [k for k, is_inner in enumerate(self.inner) if is_inner == inner]
-            mean = sizes[:, chosen or [0]].mean(1, keepdim=True)
+        for seen in (sizes[:, : self.inner], sizes[:, min(self.inner, sizes.shape[1] - 1) :]):
+            mean = seen.mean(1, keepdim=True)
             parts += [mean / (mean + unit) for unit in self.units]
         return parts
 

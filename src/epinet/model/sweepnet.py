@@ -27,8 +27,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from epinet.model.contrast import box_mean
 from epinet.model.matching import ARMS, GATHERED, OUTERMOST, PARTS, Views, enlarged, gathered
+from epinet.model.squares import box_mean, extremes
 
 SPAN = 12.0
 """Ranges wider than this, in the network's unit, are searched on smaller pictures."""
@@ -205,7 +205,7 @@ class _Refine(nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """The map (B, 1, H, W) refined, and the logarithm of its expected error."""
         disparity = disparity.detach()
-        around = _extremes(disparity, self.surroundings_px)
+        around = extremes(disparity, self.surroundings_px)
         residuals, slopes, matches = views.least_squares(disparity, spread_px, around)
         step = (slopes / (matches + 1e-4) / spread_px).clamp(-2, 2)
         told = 0.3 * torch.log(matches * spread_px**2 + 1e-5) + 2
@@ -228,7 +228,7 @@ class _Refine(nn.Module):
             )
         maps = [
             _neighbours(disparity, self.side, self.apart_px),
-            *_extremes(disparity, self.surroundings_px),
+            *extremes(disparity, self.surroundings_px),
         ]
         disparity = (kept.softmax(1) * torch.cat(maps, 1)).sum(1, keepdim=True)
         return disparity, log_error + math.log(spread_px)
@@ -341,15 +341,6 @@ def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
 def _bumps(disparity: Tensor) -> list[Tensor]:
     """What smoothing changes."""
     return [box_mean(disparity, side) - disparity for side in SMOOTHINGS_PX]
-
-
-def _extremes(disparity: Tensor, side: int) -> tuple[Tensor, Tensor]:
-    """Greatest and least of a map (B, 1, H, W) in the square around each pixel."""
-    greatest, least = disparity, -disparity
-    for window, reach in (((side, 1), (side // 2, 0)), ((1, side), (0, side // 2))):
-        greatest = F.max_pool2d(greatest, window, 1, reach)
-        least = F.max_pool2d(least, window, 1, reach)
-    return greatest, -least
 
 
 def _neighbours(images: Tensor, side: int, apart_px: int) -> Tensor:
