@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from epinet.inspect.sweep import Match, Offset, Star, box_mean, fine_match, load_star, working_image
+from epinet.inspect.sweep import Match, Offset, Star, fine_match, load_star, working_image
 from epinet.lightfield import LightField
+from epinet.squares import box_mean
 
 LONGER_SIDE_PX = 384
 """Longer side of the images on which views are registered."""

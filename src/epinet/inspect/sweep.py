@@ -19,6 +19,7 @@ from torch.nn import functional
 from epinet.angular import star_positions
 from epinet.errors import InputError
 from epinet.lightfield import LightField
+from epinet.squares import box_mean
 
 LONGER_SIDE_PX = 256
 """Longer side of the working images, unless told otherwise."""
@@ -168,14 +169,16 @@ def sweep(
     occlusions: judge a pixel by the best half of the views (left, right, upper or lower), since
         what hides it from one side leaves it visible from the other.
     """
-    groups = _halves(star.offsets) if occlusions else [list(range(len(star.offsets)))]
+    groups = _halves(star.offsets) if occlusions else [slice(None)]
     planes = max(2, int(np.ceil((high - low) * star.radius / step_px)) + 1)
     cost = torch.full_like(star.centre, torch.inf)
     disparity, total = torch.zeros_like(cost), torch.zeros_like(cost)
+    reach = int(np.ceil(max(abs(low), abs(high)) * star.radius)) + 1
+    views = functional.pad(star.views[None], (reach,) * 4, mode="replicate")[0]
     for d in np.linspace(low, high, planes):
-        moved = _differences(star, float(d))
+        moved = _differences(star, views, reach, float(d))
         tried = box_mean(torch.stack([moved[group].mean(0) for group in groups]), window).amin(0)
-        disparity[tried < cost] = float(d)
+        disparity.masked_fill_(tried < cost, float(d))
         cost = torch.minimum(cost, tried)
         total += tried
     inside = _edge_distance(cost) >= disparity.abs() * star.radius + window // 2
@@ -231,11 +234,6 @@ def working_image(gray: NDArray[np.float32], scale: float) -> Tensor:
         return functional.conv2d(padded, torch.outer(kernel, kernel)[None, None])[0, 0]
 
 
-def box_mean(images: Tensor, window: int) -> Tensor:
-    """Mean over the window around each pixel of images (N, H, W)."""
-    return functional.avg_pool2d(images, window, 1, window // 2, count_include_pad=False)
-
-
 def _edge_distance(image: Tensor) -> Tensor:
     """(H, W) pixels to the nearest side of the image; 0 on its border."""
     rows, cols = (torch.arange(side) for side in image.shape)
@@ -249,18 +247,18 @@ def _textured(image: Tensor) -> Tensor:
     return torch.gt(mean_square - mean**2, MIN_CONTRAST**2)
 
 
-def _differences(star: Star, disparity: float) -> Tensor:
-    """(N, H, W) truncated |view - centre|, each view moved back for the plane."""
-    moved = [
-        _shifted_rows(_shifted_rows(view, -disparity * row).T, -disparity * col).T
-        for view, (row, col) in zip(star.views, star.offsets, strict=True)
-    ]
-    return (torch.stack(moved) - star.centre).abs_().clamp_(max=TRUNCATION)
+def _differences(star: Star, views: Tensor, reach: int, disparity: float) -> Tensor:
+    """(N, H, W) truncated |view - centre|, each view moved back for the plane.
 
-
-def _shifted_rows(image: Tensor, rows: float) -> Tensor:
-    """image[y + rows, x] by linear interpolation; the border repeats."""
-    whole = int(np.floor(rows))
-    index = torch.arange(whole, whole + image.shape[0] + 1).clamp_(0, image.shape[0] - 1)
-    source = image[index]
-    return torch.lerp(source[:-1], source[1:], rows - whole)
+    views: those of the star with a border of `reach` px, at least as far as any moves.
+    """
+    moved = torch.empty_like(star.views)
+    for view, (row, col), out in zip(views, star.offsets, moved, strict=True):
+        source = view
+        for axis, by in ((0, -disparity * row), (1, -disparity * col)):
+            whole, size = int(np.floor(by)), star.centre.shape[axis]
+            source = source.narrow(axis, reach + whole, size + 1)
+            pair = source.narrow(axis, 0, size), source.narrow(axis, 1, size)
+            source = torch.lerp(*pair, by - whole) if by != whole else pair[0]
+        out.copy_(source)
+    return moved.sub_(star.centre).abs_().clamp_(max=TRUNCATION)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from epinet.model.squares import box_mean
+from epinet.squares import box_mean
 
 WINDOW_PX = 25
 """Mean and deviation are taken over this square, about the network's field of view."""

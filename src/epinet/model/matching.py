@@ -17,7 +17,7 @@ from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.contrast import local_statistics
-from epinet.model.squares import extremes
+from epinet.squares import extremes
 
 UNIT_WINDOW_PX = 9
 """The local contrast of the centre view is taken over this square."""

@@ -28,7 +28,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from epinet.model.matching import ARMS, GATHERED, OUTERMOST, PARTS, Views, enlarged, gathered
-from epinet.model.squares import box_mean, extremes
+from epinet.squares import box_mean, extremes
 
 SPAN = 12.0
 """Ranges wider than this, in the network's unit, are searched on smaller pictures."""

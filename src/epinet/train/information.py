@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from torch import Tensor
 from torch.nn import functional as F
 
-from epinet.model.squares import box_mean
+from epinet.squares import box_mean
 
 WINDOW_PX = 9
 """A disparity is taken to be the same over this square."""

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from epinet.model.squares import box_mean, extremes
+from epinet.squares import box_mean, extremes
 
 HEIGHT, WIDTH = 9, 13
 SIDES = [1, 3, 5, 7, 9, 11, 13, 15, 25, 45]
