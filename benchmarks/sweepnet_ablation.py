@@ -25,6 +25,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from epinet import read_light_field
 from epinet.metrics.disparity import score
@@ -89,12 +90,12 @@ def _without(skipped: int) -> Callable[[], None]:
 
     def patch() -> None:
         forward = sweepnet._Refine.forward
-        expected = torch.zeros(1)
+        expected = torch.zeros(1, 1, 1, 1)
 
         def skipping(self: sweepnet._Refine, views: Any, disparity: Tensor, *args: Any) -> Any:
             nonlocal expected
             if self.place == skipped:
-                return disparity, expected
+                return disparity, F.interpolate(expected, disparity.shape[-2:])
             disparity, expected = forward(self, views, disparity, *args)
             return disparity, expected
 
@@ -110,18 +111,14 @@ def _without(skipped: int) -> Callable[[], None]:
     return patch
 
 
-def _coarse_hypotheses() -> None:
+def _fine_hypotheses() -> None:
     hypotheses = sweepnet.SweepNet.hypotheses
 
-    def coarse(self: sweepnet.SweepNet, *args: Any) -> tuple[int, Tensor]:
-        self.config = replace(self.config, spacing_px=1.0)
+    def fine(self: sweepnet.SweepNet, *args: Any) -> tuple[int, Tensor]:
+        self.config = replace(self.config, spacing_px=0.5)
         return hypotheses(self, *args)
 
-    sweepnet.SweepNet.hypotheses = coarse  # type: ignore[method-assign]
-
-
-def _no_exchange() -> None:
-    sweepnet._exchanged = lambda x, count: x
+    sweepnet.SweepNet.hypotheses = fine  # type: ignore[method-assign]
 
 
 def _no_fill() -> None:
@@ -146,7 +143,8 @@ def _no_comparing() -> None:
 
     def without(x: Tensor, layer: torch.nn.Conv2d) -> Tensor:
         made = first(x, layer)
-        return made if layer.out_channels > layer.in_channels // 2 else torch.zeros_like(made)
+        compares = layer.in_channels == 2 * layer.out_channels
+        return torch.zeros_like(made) if compares else made
 
     sweepnet._pointwise = without
 
@@ -173,15 +171,13 @@ VARIANTS = {
     "all": Variant("nothing"),
     "all again": Variant("nothing, another seed", {"seed": 2}),
     "directions": Variant("eight arms: opposite sides are not told apart", patch=_whole_directions),
-    "spacing": Variant("hypotheses .5 px apart: they are 1 px apart", patch=_coarse_hypotheses),
-    "exchange": Variant("what hypotheses see of each other's features", patch=_no_exchange),
+    "spacing": Variant("hypotheses 1 px apart: they are .5 px apart", patch=_fine_hypotheses),
     "gathered": Variant("costs gathered over wide squares", patch=_no_gathered_costs),
     "leaning": Variant("squares that lean: the upright ones stay", patch=_upright_only),
     "fill": Variant("the fill's correction", patch=_no_fill),
     "context": Variant("context passed to the refinements", patch=_no_context),
     "half": Variant("the refinement at half resolution", patch=_without(0)),
-    "middle": Variant("the first refinement at full resolution", patch=_without(1)),
-    "last": Variant("the last refinement (.08 px)", patch=_without(2)),
+    "full": Variant("the refinement at full resolution", patch=_without(1)),
     "comparing": Variant("units that compare before the convolutions", patch=_no_comparing),
     "windows": Variant("choice among windows of least squares: all 5 px", patch=_one_window),
     "neighbours": Variant("choice among neighbours", patch=_no_neighbours),

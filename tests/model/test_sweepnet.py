@@ -137,7 +137,7 @@ def test_residuals_at_other_estimates_are_those_of_the_estimates_themselves():
 @pytest.mark.parametrize(("chosen", "disparity"), [(-2, 1.0), (-1, -1.0)])
 def test_a_refinement_can_choose_the_surface_in_front_or_behind(chosen, disparity):
     """Four pixels from an edge, where no disparity of the 5x5 right around is the other one's."""
-    net = SweepNet(SweepNetConfig(neighbours=((3, 2), (3, 1), (3, 1)))).eval()
+    net = SweepNet(SweepNetConfig(neighbours=((3, 2), (3, 1)))).eval()
     step = torch.ones(1, 1, SIDE_PX, SIDE_PX)
     step[..., SIDE_PX // 2 :] = -1
     context = torch.zeros(1, net.config.context_width, SIDE_PX, SIDE_PX)
@@ -184,7 +184,7 @@ def test_any_grid_size_and_range(views, size, range_px):
     assert torch.isfinite(made.maps[-1]).all()
     low, high = made.hypotheses[[0, -1]].tolist()
     assert low < range_px[0] and high > range_px[1]
-    assert len(made.hypotheses) <= 27
+    assert len(made.hypotheses) <= 15
 
 
 def test_hypotheses_are_in_proportion_to_the_range():
@@ -192,7 +192,7 @@ def test_hypotheses_are_in_proportion_to_the_range():
     stacks = torch.rand(1, 4, 9, 32, 32)
     with torch.no_grad():
         counts = [len(net(stacks, (-r, r)).hypotheses) for r in (1.0, 2.0, 4.0)]
-    assert np.diff(counts).tolist() == [4, 8]
+    assert np.diff(counts).tolist() == [2, 4]
 
 
 def test_another_unit_is_the_same_estimate():
@@ -225,5 +225,5 @@ def test_an_impossible_input_is_refused():
 def test_a_configuration_survives_json():
     import json
 
-    config = SweepNetConfig(spreads_px=(0.3,))
+    config = SweepNetConfig(spreads_px=(0.3, 0.1))
     assert SweepNetConfig(**json.loads(json.dumps(config.as_dict()))) == config

@@ -3,13 +3,13 @@
 EPINET must discover from stacks of views what matching is. SweepNet is shown the views already
 moved by hypothesised disparities, and a few small convolutions decide. docs/sweepnet.md draws it.
 
-    sweep    at half resolution, for hypotheses half a pixel apart: how far each arm's views, moved
-             by it, are from the centre view, there and over wide squares that lean like floors
-             and walls; one network, shared by all hypotheses, scores each
+    sweep    at half resolution, for hypotheses a pixel apart: how far each arm's views, moved by
+             it, are from the centre view, there and over wide squares that lean like floors and
+             walls; one network, shared by all hypotheses, scores each
     fill     at half resolution, far-seeing: corrects the best disparities where nothing told
              them, and says how to enlarge the map to full resolution
-    refine   at half resolution and twice at full: the views moved by the estimate, a little less
-             and a little more; least squares of each arm, weighed by a network, and what it adds
+    refine   at half resolution and at full: the views moved by the estimate, a little less and
+             a little more; least squares of each arm, weighed by a network, and what it adds
 
 What the views show of a disparity is taken by `epinet.model.matching`. Disparities inside the
 network are those of views a quarter of the way to the outermost ones apart, so one network serves
@@ -45,19 +45,19 @@ SEEN = 2 + PARTS + 2
 class SweepNetConfig:
     """Shape of one SweepNet."""
 
-    spacing_px: float = 0.5
+    spacing_px: float = 1.0
     """Between hypotheses."""
     sweep_width: int = 32
     fill_width: int = 32
     context_width: int = 16
     """Channels that the fill passes on to the refinements."""
     refine_width: int = 32
-    spreads_px: tuple[float, ...] = (0.25, 0.25, 0.08)
-    """One refinement for each, the first at half resolution: how much nearer and farther it
-    looks, in pixels of its resolution."""
-    neighbours: tuple[tuple[int, int], ...] = ((3, 2), (5, 2), (3, 1))
+    spreads_px: tuple[float, float] = (0.25, 0.15)
+    """How much nearer and farther the refinements look, in pixels of their resolution: at half
+    of it, then at full."""
+    neighbours: tuple[tuple[int, int], tuple[int, int]] = ((3, 2), (5, 2))
     """For each refinement (side, spacing in px) of the square whose maps a pixel chooses from."""
-    surroundings_px: tuple[int, ...] = (5, 9, 5)
+    surroundings_px: tuple[int, int] = (5, 9)
     """For each refinement the side of the square whose nearest and farthest disparities it looks
     at, too, and may choose."""
 
@@ -113,7 +113,7 @@ class _Sweep(nn.Module):
         super().__init__()
         self.first = nn.Conv2d(PARTS + GATHERED, 3 * width, 1)
         self.shared = nn.Conv2d(SEEN, width, 3, padding=1)
-        self.body = nn.ModuleList(_Residual(width, d) for d in (1, 2, 4))
+        self.body = nn.Sequential(*(_Residual(width, d) for d in (1, 2, 4)))
         self.score = nn.Conv2d(width, 1, 3, padding=1)
 
     def planes(self, cost: Tensor, seen: Tensor) -> Tensor:
@@ -135,21 +135,8 @@ class _Sweep(nn.Module):
     def forward(self, planes: Tensor) -> Tensor:
         """Features (B, D, C, h, w) -> scores (B, D, h, w)."""
         b, count = planes.shape[:2]
-        x = planes.flatten(0, 1)
-        for block in self.body:
-            x = block(_exchanged(x, count))
-        scores: Tensor = self.score(F.relu(x))
-        return scores.view(b, count, *x.shape[-2:])
-
-
-def _exchanged(x: Tensor, count: int) -> Tensor:
-    """Hypotheses (B * count, C, h, w) that see an eighth of either neighbour's channels."""
-    share = x.shape[1] // 8
-    exchanged = x.clone()
-    old, new = (t.view(-1, count, *t.shape[1:]) for t in (x, exchanged))
-    new[:, 1:, :share], new[:, 0, :share] = old[:, :-1, :share], 0
-    new[:, :-1, share : 2 * share], new[:, -1, share : 2 * share] = old[:, 1:, share : 2 * share], 0
-    return exchanged
+        scores: Tensor = self.score(F.relu(self.body(planes.flatten(0, 1))))
+        return scores.view(b, count, *planes.shape[-2:])
 
 
 class _Fill(nn.Module):
@@ -301,8 +288,9 @@ class SweepNet(nn.Module):
         swept, spread = _best(scores, hypotheses / 2**levels)
         filled, context, weights = self.fill(swept, spread, seen)
         maps = [_enlarged_by(filled, weights)]
-        first, second, *others = zip(self.refine, self.config.spreads_px, strict=True)
-        refined, _ = first[0](half, filled / 2, first[1], context)
+        at_half, at_full = self.refine
+        half_px, full_px = self.config.spreads_px
+        refined, _ = at_half(half, filled / 2, half_px, context)
         disparity = _enlarged_by(2 * refined, weights)
         maps.append(disparity)
         for level in reversed(range(levels + 1)):
@@ -310,11 +298,8 @@ class SweepNet(nn.Module):
             context = enlarged(context)
             if level < levels:
                 disparity = 2 * enlarged(disparity)
-            disparity, log_error = second[0](views, disparity, second[1], context)
+            disparity, log_error = at_full(views, disparity, full_px, context)
         maps.append(disparity)
-        for refine, spread_px in others:
-            disparity, log_error = refine(views, disparity, spread_px, context)
-            maps.append(disparity)
         maps = [per_unit * m[..., :height, :width] for m in maps]
         log_error = log_error[..., :height, :width] + math.log(per_unit)
         return Estimates(maps, log_error, scores, per_unit * hypotheses)
@@ -326,10 +311,10 @@ def _stacks(images: Tensor, views: int) -> Tensor:
 
 
 def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean and deviation of the disparity (B, 1, h, w) around the best hypothesis."""
+    """Mean disparity (B, 1, h, w) around the best hypothesis, and the probability of others."""
     probability = scores.float().softmax(1)
     index = torch.arange(len(hypotheses), device=scores.device).view(1, -1, 1, 1)
-    near = (index - probability.argmax(1, keepdim=True)).abs() <= 2
+    near = (index - probability.argmax(1, keepdim=True)).abs() <= 1
     local = probability * near
     certain = local.sum(1, keepdim=True)
     local = local / certain
