@@ -36,7 +36,6 @@ from epinet.train import losses, recipe
 from epinet.train.run import Run
 
 RECIPE = "sweepnet"
-SHIPPED = Path(checkpoint.__file__).parent / "weights" / "sweepnet.safetensors"
 KEYS = ("badpix_0.07", "badpix_0.03", "mse_x100")
 
 
@@ -196,7 +195,7 @@ def trained(name: str, steps: int) -> dict[str, Any]:
     variant = VARIANTS[name]
     variant.patch()
     changes: dict[str, Any] = {
-        "start": str(SHIPPED),
+        "start": checkpoint.SWEEPNET,
         "steps": steps,
         "warmup_steps": steps // 10,
         "learning_rate": 1e-3,

@@ -8,7 +8,7 @@ import epinet
 SOURCE = Path(epinet.__file__).parent
 
 LAYERS = (
-    {"allocator", "errors", "progress", "squares"},
+    {"allocator", "errors", "progress", "shifts", "squares"},
     {"angular", "camera", "srgb"},
     {"lightfield"},
     {"inspect", "metrics", "raw"},

@@ -222,6 +222,12 @@ def test_an_impossible_input_is_refused():
             SweepNet()(torch.zeros(shape))
 
 
+def test_a_configuration_of_another_number_of_refinements_is_refused():
+    """Weights of a former SweepNet, with three, say so when they are read."""
+    with pytest.raises(ValueError, match="two refinements"):
+        SweepNetConfig(spreads_px=(0.25, 0.25, 0.08))  # type: ignore[arg-type]
+
+
 def test_a_configuration_survives_json():
     import json
 

@@ -14,6 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from epinet.inspect.sweep import Match, Offset, Star
+from epinet.squares import extremes
 
 MIN_GAP_PX = 2.0
 """Two pixels count only if their disparities move them apart by this, in working pixels."""
@@ -60,9 +61,7 @@ def occlusion_votes(star: Star, match: Match) -> Votes:
 
 def _jumps(disparity: Tensor, radius: int) -> Tensor:
     """(H, W) bool: the outermost views move neighbours apart by more than half a pixel."""
-    image = disparity[None, None]
-    highest = functional.max_pool2d(image, EDGE_WINDOW, 1, EDGE_WINDOW // 2)
-    lowest = -functional.max_pool2d(-image, EDGE_WINDOW, 1, EDGE_WINDOW // 2)
+    highest, lowest = extremes(disparity[None, None], EDGE_WINDOW)
     return ((highest - lowest) * radius > 0.6)[0, 0]
 
 

@@ -19,6 +19,7 @@ from torch.nn import functional
 from epinet.angular import star_positions
 from epinet.errors import InputError
 from epinet.lightfield import LightField
+from epinet.shifts import shifted
 from epinet.squares import box_mean
 
 LONGER_SIDE_PX = 256
@@ -173,10 +174,8 @@ def sweep(
     planes = max(2, int(np.ceil((high - low) * star.radius / step_px)) + 1)
     cost = torch.full_like(star.centre, torch.inf)
     disparity, total = torch.zeros_like(cost), torch.zeros_like(cost)
-    reach = int(np.ceil(max(abs(low), abs(high)) * star.radius)) + 1
-    views = functional.pad(star.views[None], (reach,) * 4, mode="replicate")[0]
     for d in np.linspace(low, high, planes):
-        moved = _differences(star, views, reach, float(d))
+        moved = _differences(star, float(d))
         tried = box_mean(torch.stack([moved[group].mean(0) for group in groups]), window).amin(0)
         disparity.masked_fill_(tried < cost, float(d))
         cost = torch.minimum(cost, tried)
@@ -247,18 +246,10 @@ def _textured(image: Tensor) -> Tensor:
     return torch.gt(mean_square - mean**2, MIN_CONTRAST**2)
 
 
-def _differences(star: Star, views: Tensor, reach: int, disparity: float) -> Tensor:
-    """(N, H, W) truncated |view - centre|, each view moved back for the plane.
-
-    views: those of the star with a border of `reach` px, at least as far as any moves.
-    """
-    moved = torch.empty_like(star.views)
-    for view, (row, col), out in zip(views, star.offsets, moved, strict=True):
-        source = view
-        for axis, by in ((0, -disparity * row), (1, -disparity * col)):
-            whole, size = int(np.floor(by)), star.centre.shape[axis]
-            source = source.narrow(axis, reach + whole, size + 1)
-            pair = source.narrow(axis, 0, size), source.narrow(axis, 1, size)
-            source = torch.lerp(*pair, by - whole) if by != whole else pair[0]
-        out.copy_(source)
-    return moved.sub_(star.centre).abs_().clamp_(max=TRUNCATION)
+def _differences(star: Star, disparity: float) -> Tensor:
+    """(N, H, W) truncated |view - centre|, each view moved back for the plane."""
+    moved = [
+        shifted(view, -disparity * row, -disparity * col)
+        for view, (row, col) in zip(star.views[:, None], star.offsets, strict=True)
+    ]
+    return torch.cat(moved).sub_(star.centre).abs_().clamp_(max=TRUNCATION)

@@ -17,6 +17,7 @@ from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.contrast import local_statistics
+from epinet.shifts import shifted
 from epinet.squares import extremes
 
 UNIT_WINDOW_PX = 9
@@ -82,7 +83,7 @@ class Views:
             parts: list[Tensor] = []
             for row, col, views in self.arms:
                 moved = [
-                    _shifted(views[:, k], -d * o * row, -d * o * col)
+                    shifted(views[:, k], -d * o * row, -d * o * col)
                     for k, o in enumerate(self.offsets)
                 ]
                 parts += self._parts(torch.stack(moved, 1) - self.gray)
@@ -176,11 +177,6 @@ def _moved(cost: Tensor, axis: int, by_px: int, by_hypotheses: float) -> Tensor:
 def enlarged(images: Tensor) -> Tensor:
     """Images (B, C, H, W) as (B, C, 2H, 2W), bilinear."""
     return F.interpolate(images, scale_factor=2, mode="bilinear", align_corners=False)
-
-
-def _shifted(images: Tensor, rows: float, cols: float) -> Tensor:
-    """images (B, H, W) at (y + rows, x + cols), bilinear; the border repeats."""
-    return _along(_along(images, -2, rows), -1, cols)
 
 
 def _along(images: Tensor, axis: int, by: float) -> Tensor:

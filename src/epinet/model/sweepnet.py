@@ -66,6 +66,8 @@ class SweepNetConfig:
         object.__setattr__(self, "spreads_px", tuple(self.spreads_px))
         object.__setattr__(self, "neighbours", tuple((n, px) for n, px in self.neighbours))
         object.__setattr__(self, "surroundings_px", tuple(self.surroundings_px))
+        if any(len(of) != 2 for of in (self.spreads_px, self.neighbours, self.surroundings_px)):
+            raise ValueError("two refinements need two spreads, neighbours and surroundings")
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -237,8 +239,8 @@ class SweepNet(nn.Module):
         self.fill = _Fill(config.fill_width, config.context_width)
         self.refine = nn.ModuleList(
             _Refine(config.refine_width, config.context_width, neighbours, surroundings_px)
-            for _, neighbours, surroundings_px in zip(
-                config.spreads_px, config.neighbours, config.surroundings_px, strict=True
+            for neighbours, surroundings_px in zip(
+                config.neighbours, config.surroundings_px, strict=True
             )
         )
 
