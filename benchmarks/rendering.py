@@ -25,7 +25,7 @@ from epinet.synth.generator import bank, draw_scene, pools, star_offsets
 from epinet.synth.options import RANGES_PX, Options
 from epinet.synth.render import Lens, render
 from epinet.train.batches import batches_of
-from epinet.train.recipe import load_recipe
+from epinet.train.recipe_files import load_recipe
 from epinet.train.run import Run
 from epinet.train.sources import CROP_FREEDOM_PX, SLOTS, STEPS_PER_POOL
 

@@ -33,6 +33,7 @@ from epinet.model import checkpoint, matching, sweepnet
 from epinet.predict.estimator import Estimator
 from epinet.synth.validation import validation_folder
 from epinet.train import losses, recipe
+from epinet.train.recipe_files import load_recipe
 from epinet.train.run import Run
 
 RECIPE = "sweepnet"
@@ -205,7 +206,7 @@ def trained(name: str, steps: int) -> dict[str, Any]:
         "large_patches": 0.0,
     }
     with TemporaryDirectory() as folder:
-        chosen = recipe.load_recipe(RECIPE, changes | variant.changes)
+        chosen = load_recipe(RECIPE, changes | variant.changes)
         run = Run(chosen, Path(folder), say=lambda line: None)
         run.train()
         estimator = Estimator(run.weights(), device="cpu")

@@ -25,7 +25,7 @@ from real_light_fields import constant_map
 
 from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
-from epinet.train.recipe import load_recipe
+from epinet.train.recipe_files import load_recipe
 from epinet.train.run import Run
 from epinet.train.validation import Validation
 

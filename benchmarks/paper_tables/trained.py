@@ -18,7 +18,8 @@ from epinet.io.atomic import atomic_path
 from epinet.synth.dataset import write_dataset
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX, Options
-from epinet.train.recipe import Recipe, load_recipe
+from epinet.train.recipe import Recipe
+from epinet.train.recipe_files import load_recipe
 from epinet.train.run import Run
 from epinet.train.validation import Validation
 

@@ -21,7 +21,7 @@ from benchmarks.paper_tables.trained import (
 from epinet.angular import star_positions
 from epinet.errors import InputError
 from epinet.lightfield import LightField
-from epinet.train.recipe import load_recipe
+from epinet.train.recipe_files import load_recipe
 
 
 def test_seeds_decide_where_they_are_farther_apart_than_among_themselves():

@@ -9,7 +9,8 @@ import torch
 from epinet.angular import direction_positions
 from epinet.train.augment import AUGMENTATIONS, Patch
 from epinet.train.batches import Batches, Cut, batches_of, textured
-from epinet.train.recipe import Recipe, load_recipe
+from epinet.train.recipe import Recipe
+from epinet.train.recipe_files import load_recipe
 from epinet.train.sources import STEPS_PER_POOL, Needs
 
 OURS = {"views": 3, "batch": 2, "patch_px": 4, "steps": 100}

@@ -5,13 +5,8 @@ import yaml
 
 from epinet.errors import InputError
 from epinet.synth.generator import VERSION
-from epinet.train.recipe import (
-    Recipe,
-    changed_recipe,
-    load_recipe,
-    parse_changes,
-    shipped_recipes,
-)
+from epinet.train.recipe import Recipe
+from epinet.train.recipe_files import changed_recipe, load_recipe, parse_changes, shipped_recipes
 
 
 def test_every_shipped_recipe_is_whole_and_described():

@@ -19,7 +19,8 @@ from epinet.model.checkpoint import load_weights, save_weights
 from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
-from epinet.train.recipe import Recipe, load_recipe
+from epinet.train.recipe import Recipe
+from epinet.train.recipe_files import load_recipe
 from epinet.train.run import STATISTICS_BATCHES, DivergedError, Run
 from epinet.train.validation import Validation
 

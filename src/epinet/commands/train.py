@@ -11,7 +11,7 @@ from epinet.commands.common import DeviceOption, remark
 
 
 def _list_recipes(wanted: bool) -> None:
-    from epinet.train.recipe import load_recipe, shipped_recipes
+    from epinet.train.recipe_files import load_recipe, shipped_recipes
 
     if wanted:
         for name in shipped_recipes():
@@ -63,7 +63,7 @@ def train(
     from epinet.predict.batch import find_light_fields
     from epinet.predict.estimator import choose_device
     from epinet.train.parallel import local_device, team
-    from epinet.train.recipe import changed_recipe
+    from epinet.train.recipe_files import changed_recipe
     from epinet.train.run import Run, StoppedError
     from epinet.train.validation import Validation
 
