@@ -22,7 +22,7 @@ from epinet.synth.generator import Pool, generator, pools, star_offsets
 from epinet.synth.options import Options
 from epinet.train.augment import Offset, Patch, ViewShift
 
-STEPS_PER_POOL = 8
+STEPS_PER_POOL = 16
 """So many steps use a pool of rendered scenes, each with other patches and augmentations."""
 
 SLOTS = 8
