@@ -134,19 +134,15 @@ def _no_neighbours() -> None:
     sweepnet._neighbours = lambda images, side, apart_px: images.expand(-1, side**2, -1, -1)
 
 
-def _no_surroundings() -> None:
-    sweepnet.extremes = lambda images, side: (images, images)
+def _once() -> None:
+    hypotheses = sweepnet.SweepNet.hypotheses
 
+    def once(self: sweepnet.SweepNet, *args: Any) -> tuple[int, Tensor]:
+        half, full = (replace(r, rounds=1) for r in (self.config.half, self.config.full))
+        self.config = replace(self.config, half=half, full=full)
+        return hypotheses(self, *args)
 
-def _no_comparing() -> None:
-    first = sweepnet._pointwise
-
-    def without(x: Tensor, layer: torch.nn.Conv2d) -> Tensor:
-        made = first(x, layer)
-        compares = layer.in_channels == 2 * layer.out_channels
-        return torch.zeros_like(made) if compares else made
-
-    sweepnet._pointwise = without
+    sweepnet.SweepNet.hypotheses = once  # type: ignore[method-assign]
 
 
 def _one_window() -> None:
@@ -178,10 +174,9 @@ VARIANTS = {
     "context": Variant("context passed to the refinements", patch=_no_context),
     "half": Variant("the refinement at half resolution", patch=_without(0)),
     "full": Variant("the refinement at full resolution", patch=_without(1)),
-    "comparing": Variant("units that compare before the convolutions", patch=_no_comparing),
+    "rounds": Variant("the second round of both refinements", patch=_once),
     "windows": Variant("choice among windows of least squares: all 5 px", patch=_one_window),
     "neighbours": Variant("choice among neighbours", patch=_no_neighbours),
-    "surroundings": Variant("the extremes of the surroundings", patch=_no_surroundings),
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
     "classes": Variant("the classification of hypotheses in the loss", patch=_no_classes),
     "alike": Variant("weights by what the views tell: all pixels alike", {"least_weight": 1.0}),

@@ -1,5 +1,7 @@
 """SweepNet: what it is shown, against plain slow versions and planes of known disparity."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -123,31 +125,36 @@ def test_least_squares_ask_for_the_error_of_an_estimate(views, error):
     assert step.numpy() == pytest.approx(-error, abs=0.01)
 
 
-def test_residuals_at_other_estimates_are_those_of_the_estimates_themselves():
-    g = torch.Generator().manual_seed(4)
-    seen = Views(plane(0.63))
-    estimates = 2 * torch.rand(3, 1, 1, SIDE_PX, SIDE_PX, generator=g) - 1
-    residuals, _, _ = seen.least_squares(estimates[0], 0.1, tuple(estimates[1:]))
-    together = torch.cat(residuals, 1).unflatten(1, (8, 5, -1))
-    for k, estimate in zip((0, 3, 4), estimates, strict=True):
-        alone = torch.cat(seen.least_squares(estimate, 0.1)[0], 1).unflatten(1, (8, 3, -1))
-        assert torch.equal(together[:, :, k], alone[:, :, 0])
-
-
-@pytest.mark.parametrize(("chosen", "disparity"), [(-2, 1.0), (-1, -1.0)])
-def test_a_refinement_can_choose_the_surface_in_front_or_behind(chosen, disparity):
-    """Four pixels from an edge, where no disparity of the 5x5 right around is the other one's."""
-    net = SweepNet(SweepNetConfig(neighbours=((3, 2), (3, 1)))).eval()
-    step = torch.ones(1, 1, SIDE_PX, SIDE_PX)
-    step[..., SIDE_PX // 2 :] = -1
+@pytest.mark.parametrize(("place", "rows", "cols"), [(0, -4, -4), (12, 0, 0), (14, 0, 4)])
+def test_a_refinement_can_choose_the_map_at_a_pixel_nearby(place, rows, cols):
+    net = SweepNet().eval()
+    disparity = torch.rand(1, 1, SIDE_PX, SIDE_PX, generator=torch.Generator().manual_seed(2))
     context = torch.zeros(1, net.config.context_width, SIDE_PX, SIDE_PX)
     views = torch.full((1, 4, 9, SIDE_PX, SIDE_PX), 0.5)  # no texture: least squares stay still
     with torch.no_grad():
-        net.refine[1].out.bias[chosen] = 30
-        refined, _ = net.refine[1](Views(views), step, 0.25, context)
-    near_edge = refined[..., SIDE_PX // 2 - 4 : SIDE_PX // 2 + 4]
-    assert torch.allclose(near_edge, torch.full_like(near_edge, disparity))
-    assert torch.allclose(refined[..., :8], step[..., :8])
+        net.refine[1].out.bias[place - 25] = 30
+        refined, _ = net.refine[1](Views(views), disparity, context)
+    inner = slice(4, -4)
+    moved = disparity.roll((-rows, -cols), (-2, -1))
+    assert torch.allclose(refined[..., inner, inner], moved[..., inner, inner])
+
+
+def test_each_round_refines_the_result_of_the_one_before():
+    once = SweepNetConfig(full=replace(SweepNetConfig().full, rounds=1))
+    thrice = SweepNetConfig(full=replace(SweepNetConfig().full, rounds=3))
+    net = SweepNet(once).eval()
+    with torch.no_grad():
+        net.refine[1].out.weight.normal_(std=0.01)
+        given = []
+        net.refine[1].register_forward_pre_hook(lambda _, args: given.append(args[1]))
+        maps = net(plane(0.63)).maps
+        net.config = thrice
+        more = net(plane(0.63)).maps
+    assert len(more) == len(maps) + 2
+    for one, other in zip(maps, more, strict=False):
+        assert torch.equal(one, other)
+    for before, result in zip(given[2:], more[-3:], strict=False):
+        assert torch.equal(before, result)
 
 
 def test_a_convolution_of_one_pixel_is_one():
@@ -163,7 +170,7 @@ def test_an_untrained_refinement_takes_the_least_squares_step():
     estimate = torch.full((1, 1, SIDE_PX, SIDE_PX), 0.55)
     context = torch.zeros(1, net.config.context_width, SIDE_PX, SIDE_PX)
     with torch.no_grad():
-        refined, _ = net.refine[1](seen, estimate, 0.08, context)
+        refined, _ = net.refine[1](seen, estimate, context)
     assert (refined - 0.63)[..., 12:-12, 12:-12].abs().mean() < 0.01
 
 
@@ -222,14 +229,14 @@ def test_an_impossible_input_is_refused():
             SweepNet()(torch.zeros(shape))
 
 
-def test_a_configuration_of_another_number_of_refinements_is_refused():
-    """Weights of a former SweepNet, with three, say so when they are read."""
-    with pytest.raises(ValueError, match="two refinements"):
-        SweepNetConfig(spreads_px=(0.25, 0.25, 0.08))  # type: ignore[arg-type]
+@pytest.mark.parametrize("wrong", [{"rounds": 0}, {"side": 4}])
+def test_an_impossible_refinement_is_refused(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        replace(SweepNetConfig().half, **wrong)
 
 
 def test_a_configuration_survives_json():
     import json
 
-    config = SweepNetConfig(spreads_px=(0.3, 0.1))
+    config = SweepNetConfig(half=replace(SweepNetConfig().half, spread_px=0.3))
     assert SweepNetConfig(**json.loads(json.dumps(config.as_dict()))) == config

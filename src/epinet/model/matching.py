@@ -91,21 +91,20 @@ class Views:
         return torch.stack(planes, 1)
 
     def least_squares(
-        self, disparity: Tensor, spread_px: float, others: Sequence[Tensor] = ()
+        self, disparity: Tensor, spread_px: float
     ) -> tuple[list[Tensor], Tensor, Tensor]:
         """Of views moved by an estimate (B, 1, H, W).
 
         Args:
             disparity: the estimate.
             spread_px: how much nearer and farther the views are moved, too.
-            others: estimates of which only the residuals are wanted.
 
         Returns:
-            (3 + others) * PARTS residuals (B, 1, H, W), arm by arm, at the estimate, nearer,
-            farther and at the others; and of each arm (B, 8, H, W) sums of residual times slope
-            and of slope squared, so that the step which its views ask for is their quotient.
+            3 * PARTS residuals (B, 1, H, W), arm by arm, at the estimate, nearer and farther; and
+            of each arm (B, 8, H, W) sums of residual times slope and of slope squared, so that the
+            step which its views ask for is their quotient.
         """
-        estimates = [disparity, disparity + spread_px, disparity - spread_px, *others]
+        estimates = [disparity, disparity + spread_px, disparity - spread_px]
         residuals: list[Tensor] = []
         slopes, matches = [], []
         for row, col, views in self.arms:
@@ -113,7 +112,7 @@ class Views:
             differences = [sampled(views, d, moves) - self.gray for d in estimates]
             for r in differences:
                 residuals += self._parts(r)
-            at, near, far = differences[:3]
+            at, near, far = differences
             at, slope = at / self.unit, (near - far) / (2 * spread_px * self.unit)
             slopes.append(-(at * slope).mean(1, keepdim=True))
             matches.append((slope * slope).mean(1, keepdim=True))

@@ -8,8 +8,9 @@ moved by hypothesised disparities, and a few small convolutions decide. docs/swe
              walls; one network, shared by all hypotheses, scores each
     fill     at half resolution, far-seeing: corrects the best disparities where nothing told
              them, and says how to enlarge the map to full resolution
-    refine   at half resolution and at full: the views moved by the estimate, a little less and
-             a little more; least squares of each arm, weighed by a network, and what it adds
+    refine   twice at half resolution and twice at full: the views moved by the estimate, a little
+             less and a little more; least squares of each arm, weighed by a network, and what it
+             adds
 
 What the views show of a disparity is taken by `epinet.model.matching`. Disparities inside the
 network are those of views a quarter of the way to the outermost ones apart, so one network serves
@@ -20,6 +21,7 @@ pictures first and refined on the way up.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -28,7 +30,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from epinet.model.matching import ARMS, GATHERED, OUTERMOST, PARTS, Views, enlarged, gathered
-from epinet.squares import box_mean, extremes
+from epinet.squares import box_mean
 
 SPAN = 12.0
 """Ranges wider than this, in the network's unit, are searched on smaller pictures."""
@@ -42,6 +44,26 @@ SEEN = 2 + PARTS + 2
 
 
 @dataclass(frozen=True)
+class RefineConfig:
+    """Shape of one refinement; lengths in pixels of its resolution."""
+
+    spread_px: float
+    """How much nearer and farther it looks."""
+    side: int
+    apart_px: int
+    """A pixel chooses from the maps at `side` x `side` places, so far apart."""
+    dilations: tuple[int, ...]
+    """Of its residual blocks."""
+    rounds: int = 2
+    """How often it is applied, each time to its own result."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "dilations", tuple(self.dilations))  # JSON has lists
+        if self.rounds < 1 or self.side % 2 == 0:
+            raise ValueError(f"rounds {self.rounds}, side {self.side}: one or more, and odd")
+
+
+@dataclass(frozen=True)
 class SweepNetConfig:
     """Shape of one SweepNet."""
 
@@ -52,22 +74,14 @@ class SweepNetConfig:
     context_width: int = 16
     """Channels that the fill passes on to the refinements."""
     refine_width: int = 32
-    spreads_px: tuple[float, float] = (0.25, 0.15)
-    """How much nearer and farther the refinements look, in pixels of their resolution: at half
-    of it, then at full."""
-    neighbours: tuple[tuple[int, int], tuple[int, int]] = ((3, 2), (5, 2))
-    """For each refinement (side, spacing in px) of the square whose maps a pixel chooses from."""
-    surroundings_px: tuple[int, int] = (5, 9)
-    """For each refinement the side of the square whose nearest and farthest disparities it looks
-    at, too, and may choose."""
+    half: RefineConfig = RefineConfig(0.25, 3, 2, (1, 2, 4, 8, 1))
+    full: RefineConfig = RefineConfig(0.15, 5, 2, (1, 4, 1))
+    """At half resolution, then at full."""
 
     def __post_init__(self) -> None:
-        # JSON has lists.
-        object.__setattr__(self, "spreads_px", tuple(self.spreads_px))
-        object.__setattr__(self, "neighbours", tuple((n, px) for n, px in self.neighbours))
-        object.__setattr__(self, "surroundings_px", tuple(self.surroundings_px))
-        if any(len(of) != 2 for of in (self.spreads_px, self.neighbours, self.surroundings_px)):
-            raise ValueError("two refinements need two spreads, neighbours and surroundings")
+        for name in ("half", "full"):
+            if isinstance(values := getattr(self, name), Mapping):  # from JSON
+                object.__setattr__(self, name, RefineConfig(**values))
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -77,7 +91,8 @@ class Estimates(NamedTuple):
     """What the network makes of views, all per adjacent view."""
 
     maps: list[Tensor]
-    """(B, 1, H, W) disparity after the fill and after each refinement; the last is the result."""
+    """(B, 1, H, W) disparity after the fill and each round of the refinements; the last is the
+    result."""
     log_error: Tensor
     """(B, 1, H, W) logarithm of the mean error to expect of the last map, in px."""
     scores: Tensor
@@ -164,48 +179,34 @@ class _Refine(nn.Module):
     """Moves an estimate by least squares of the arms' residuals, as a network weighs them.
 
     Then each pixel chooses among its neighbours' disparities: beside an edge the estimate is often
-    of the wrong surface, too far off for least squares, while a neighbour has it right. Which one,
-    its own views tell: they are also moved by the nearest and the farthest disparity around.
+    of the wrong surface, too far off for least squares, while a neighbour has it right. The next
+    round sees how well the views match there.
     """
 
-    DILATIONS = (1, 2, 4, 8, 1)
-
-    def __init__(
-        self, width: int, context: int, neighbours: tuple[int, int], surroundings_px: int
-    ) -> None:
+    def __init__(self, config: RefineConfig, width: int, context: int) -> None:
         super().__init__()
-        self.side, self.apart_px = neighbours
-        self.surroundings_px = surroundings_px
-        seen = 5 * PARTS + 2 * len(ARMS) + 2 + len(SMOOTHINGS_PX) + 1 + 2 + context
-        self.width = width
-        self.first = nn.Conv2d(seen, 3 * width, 1)
-        self.compared = nn.Conv2d(2 * width, width, 1)
-        self.body = nn.Sequential(*(_Residual(width, d) for d in self.DILATIONS))
-        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, self.side**2 + 2)
+        self.config = config
+        seen = 3 * PARTS + 2 * len(ARMS) + 2 + len(SMOOTHINGS_PX) + context
+        self.first = nn.Conv2d(seen, width, 1)
+        self.body = nn.Sequential(*(_Residual(width, d) for d in config.dilations))
+        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, config.side**2)
         self.out = nn.Conv2d(width, sum(self.parts), 3, padding=1)
-        for last in (self.compared, self.out):
-            nn.init.zeros_(last.weight)
-            nn.init.zeros_(_bias(last))
+        nn.init.zeros_(self.out.weight)
+        nn.init.zeros_(_bias(self.out))
         with torch.no_grad():
-            _bias(self.out)[-(self.side**2 // 2 + 3)] = KEPT
+            _bias(self.out)[sum(self.parts[:-1]) + config.side**2 // 2] = KEPT
 
-    def forward(
-        self, views: Views, disparity: Tensor, spread_px: float, context: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """The map (B, 1, H, W) refined, and the logarithm of its expected error."""
+    def forward(self, views: Views, disparity: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """The map (B, 1, H, W) refined once, and the logarithm of its expected error."""
         disparity = disparity.detach()
-        around = extremes(disparity, self.surroundings_px)
-        residuals, slopes, matches = views.least_squares(disparity, spread_px, around)
+        spread_px = self.config.spread_px
+        residuals, slopes, matches = views.least_squares(disparity, spread_px)
         step = (slopes / (matches + 1e-4) / spread_px).clamp(-2, 2)
         told = 0.3 * torch.log(matches * spread_px**2 + 1e-5) + 2
         bumps = [bump / spread_px for bump in _bumps(disparity)]
-        spread = torch.full_like(disparity, math.log(spread_px))
-        jumps = [torch.log1p((t - disparity).abs() / spread_px) for t in around]
-        x = torch.cat([*residuals, step, told, views.centre, *bumps, spread, *jumps, context], 1)
+        x = torch.cat([*residuals, step, told, views.centre, *bumps, context], 1)
         del residuals  # they are large
-        seen = _pointwise(x, self.first)
-        compared = _pointwise(F.relu(seen[:, self.width :]), self.compared)
-        out = self.out(F.relu(self.body(seen[:, : self.width] + compared))).float()
+        out = self.out(F.relu(self.body(_pointwise(x, self.first)))).float()
         weights, choice, more, log_error, kept = out.split(self.parts, 1)
         weights, choice = weights.clamp(-8, 8).exp(), choice.softmax(1)
         slope, match = ((weights * t).sum(1, keepdim=True) for t in (slopes, matches))
@@ -215,11 +216,8 @@ class _Refine(nn.Module):
             disparity = disparity + choice[:, k : k + 1] * moved.clamp(
                 -2 * spread_px, 2 * spread_px
             )
-        maps = [
-            _neighbours(disparity, self.side, self.apart_px),
-            *extremes(disparity, self.surroundings_px),
-        ]
-        disparity = (kept.softmax(1) * torch.cat(maps, 1)).sum(1, keepdim=True)
+        around = _neighbours(disparity, self.config.side, self.config.apart_px)
+        disparity = (kept.softmax(1) * around).sum(1, keepdim=True)
         return disparity, log_error + math.log(spread_px)
 
 
@@ -238,10 +236,8 @@ class SweepNet(nn.Module):
         self.sweep = _Sweep(config.sweep_width)
         self.fill = _Fill(config.fill_width, config.context_width)
         self.refine = nn.ModuleList(
-            _Refine(config.refine_width, config.context_width, neighbours, surroundings_px)
-            for neighbours, surroundings_px in zip(
-                config.neighbours, config.surroundings_px, strict=True
-            )
+            _Refine(refine, config.refine_width, config.context_width)
+            for refine in (config.half, config.full)
         )
 
     def hypotheses(self, range_px: tuple[float, float], views: int) -> tuple[int, Tensor]:
@@ -291,17 +287,20 @@ class SweepNet(nn.Module):
         filled, context, weights = self.fill(swept, spread, seen)
         maps = [_enlarged_by(filled, weights)]
         at_half, at_full = self.refine
-        half_px, full_px = self.config.spreads_px
-        refined, _ = at_half(half, filled / 2, half_px, context)
-        disparity = _enlarged_by(2 * refined, weights)
-        maps.append(disparity)
+        disparity = filled / 2
+        for _ in range(self.config.half.rounds):
+            disparity, _ = at_half(half, disparity, context)
+            maps.append(_enlarged_by(2 * disparity, weights))
+        disparity = maps[-1]
         for level in reversed(range(levels + 1)):
             views = Views(pyramid[level])
             context = enlarged(context)
             if level < levels:
                 disparity = 2 * enlarged(disparity)
-            disparity, log_error = at_full(views, disparity, full_px, context)
-        maps.append(disparity)
+            for _ in range(self.config.full.rounds):
+                disparity, log_error = at_full(views, disparity, context)
+                if level == 0:
+                    maps.append(disparity)
         maps = [per_unit * m[..., :height, :width] for m in maps]
         log_error = log_error[..., :height, :width] + math.log(per_unit)
         return Estimates(maps, log_error, scores, per_unit * hypotheses)
