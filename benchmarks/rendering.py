@@ -4,7 +4,7 @@
 
 A megapixel is a million finished pixels of any view, all 33 views of the star counted. Training
 follows the recipe fast-9x9: a step takes in 33 views of 38x38 px per patch, a pool of scenes serves
-8 steps.
+16 steps.
 """
 
 from __future__ import annotations

@@ -111,14 +111,26 @@ def _without(skipped: int) -> Callable[[], None]:
     return patch
 
 
-def _fine_hypotheses() -> None:
-    hypotheses = sweepnet.SweepNet.hypotheses
+def _shaped(
+    change: Callable[[sweepnet.SweepNetConfig], sweepnet.SweepNetConfig],
+) -> Callable[[], None]:
+    """A network of the same weights that works by another configuration."""
 
-    def fine(self: sweepnet.SweepNet, *args: Any) -> tuple[int, Tensor]:
-        self.config = replace(self.config, spacing_px=0.5)
-        return hypotheses(self, *args)
+    def patch() -> None:
+        hypotheses = sweepnet.SweepNet.hypotheses
 
-    sweepnet.SweepNet.hypotheses = fine  # type: ignore[method-assign]
+        def shaped(self: sweepnet.SweepNet, *args: Any) -> tuple[int, Tensor]:
+            self.config = change(self.config)
+            return hypotheses(self, *args)
+
+        sweepnet.SweepNet.hypotheses = shaped  # type: ignore[method-assign]
+
+    return patch
+
+
+def _once(config: sweepnet.SweepNetConfig) -> sweepnet.SweepNetConfig:
+    half, full = (replace(refine, rounds=1) for refine in (config.half, config.full))
+    return replace(config, half=half, full=full)
 
 
 def _no_fill() -> None:
@@ -132,17 +144,6 @@ def _no_fill() -> None:
 
 def _no_neighbours() -> None:
     sweepnet._neighbours = lambda images, side, apart_px: images.expand(-1, side**2, -1, -1)
-
-
-def _once() -> None:
-    hypotheses = sweepnet.SweepNet.hypotheses
-
-    def once(self: sweepnet.SweepNet, *args: Any) -> tuple[int, Tensor]:
-        half, full = (replace(r, rounds=1) for r in (self.config.half, self.config.full))
-        self.config = replace(self.config, half=half, full=full)
-        return hypotheses(self, *args)
-
-    sweepnet.SweepNet.hypotheses = once  # type: ignore[method-assign]
 
 
 def _one_window() -> None:
@@ -167,14 +168,17 @@ VARIANTS = {
     "all": Variant("nothing"),
     "all again": Variant("nothing, another seed", {"seed": 2}),
     "directions": Variant("eight arms: opposite sides are not told apart", patch=_whole_directions),
-    "spacing": Variant("hypotheses 1 px apart: they are .5 px apart", patch=_fine_hypotheses),
+    "spacing": Variant(
+        "hypotheses 1 px apart: they are .5 px apart",
+        patch=_shaped(lambda config: replace(config, spacing_px=0.5)),
+    ),
     "gathered": Variant("costs gathered over wide squares", patch=_no_gathered_costs),
     "leaning": Variant("squares that lean: the upright ones stay", patch=_upright_only),
     "fill": Variant("the fill's correction", patch=_no_fill),
     "context": Variant("context passed to the refinements", patch=_no_context),
     "half": Variant("the refinement at half resolution", patch=_without(0)),
     "full": Variant("the refinement at full resolution", patch=_without(1)),
-    "rounds": Variant("the second round of both refinements", patch=_once),
+    "rounds": Variant("the second round of both refinements", patch=_shaped(_once)),
     "windows": Variant("choice among windows of least squares: all 5 px", patch=_one_window),
     "neighbours": Variant("choice among neighbours", patch=_no_neighbours),
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
