@@ -21,7 +21,7 @@ from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
 from epinet.train.recipe import Recipe
 from epinet.train.recipe_files import load_recipe
-from epinet.train.run import STATISTICS_BATCHES, DivergedError, Run
+from epinet.train.run import STATISTICS_BATCHES, DivergedError, Run, StoppedError
 from epinet.train.validation import Validation
 
 CHANGES = {
@@ -121,6 +121,35 @@ def test_two_processes_do_what_one_does_with_two_shards(tmp_path, held_out, run)
     assert one["history"][-1]["scores"] == two["history"][-1]["scores"]
     run(tmp_path / "whole").train()
     assert not same_weights(tmp_path / "one", tmp_path / "whole")
+
+
+@pytest.mark.parametrize("step", [6, 12])
+def test_a_run_stopped_before_a_validation_makes_up_for_it(tmp_path, run, step):
+    """At a step to validate at, and at the last one."""
+    run(tmp_path / "whole").train()
+    stopped = run(tmp_path / "parts")
+    make_batch = stopped.batches[0]
+
+    def batch_and_signal(index: int):
+        if index == step - 2:  # heard of at the next step, which is the last one made
+            signal.raise_signal(signal.SIGTERM)
+        return make_batch(index)
+
+    stopped.batches = [batch_and_signal]
+    with pytest.raises(StoppedError, match=f"stopped at step {step} of 12"):
+        stopped.train()
+    assert step not in [entry["step"] for entry in stopped.history]
+    run(tmp_path / "parts").train()
+    assert same_weights(tmp_path / "parts", tmp_path / "whole")
+    whole, parts = (
+        json.loads((tmp_path / f / "run.json").read_text())["history"] for f in ("whole", "parts")
+    )
+    for entry in (*whole, *parts):
+        entry.pop("minutes")
+    assert parts == whole
+    done = (tmp_path / "parts" / "run.json").read_text()
+    run(tmp_path / "parts").train()
+    assert (tmp_path / "parts" / "run.json").read_text() == done
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

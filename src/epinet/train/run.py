@@ -249,29 +249,41 @@ class Run:
     def _lead(self, log: Log, interrupted: Callable[[], bool], save_every_s: float) -> None:
         saved = said = time.monotonic()
         begun, seconds_before = self.step, self.seconds
+        if self._validation_is_due:  # the run was stopped just before
+            self._validate(log)
+            self.save()
         while self.step < self.recipe.steps:
             step_begun = self.clock()
+            stopped: StoppedError | None = None
             try:
                 self._train_step(interrupted())
             except StoppedError as stop:
-                if stop.resumable:
-                    self.save()
-                raise
+                if not stop.resumable:
+                    raise
+                stopped = stop
             self.seconds += self.clock() - step_begun
-            done = self.step == self.recipe.steps
             if self.step % LOG_EVERY == 0:
                 recent = self.losses[-LOG_EVERY:]
                 rate = self.recipe.rate(self.step - 1)
                 log.write(self.step, {"loss": sum(recent) / len(recent), "rate": rate})
-            if done or self.step % self.recipe.validate_every == 0:
+            if stopped is not None:
+                self.save()
+                raise stopped
+            if self._validation_is_due:
                 self._validate(log)
             now = time.monotonic()
-            if done or now - saved > save_every_s:
+            if self.step == self.recipe.steps or now - saved > save_every_s:
                 self.save()
                 saved = now
             if now - said > SAY_EVERY_S and self.losses:
                 self._say_progress((self.step - begun) / (self.seconds - seconds_before))
                 said = now
+
+    @property
+    def _validation_is_due(self) -> bool:
+        at_mark = self.step == self.recipe.steps or self.step % self.recipe.validate_every == 0
+        validated = self.history[-1]["step"] if self.history else 0
+        return at_mark and self.step > validated
 
     def _train_step(self, stop: bool = False) -> None:
         """One step of all processes; any of them can stop all of them after it."""
