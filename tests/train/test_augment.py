@@ -224,3 +224,24 @@ def test_photometric_augmentations_come_last_and_leave_the_truth_alone(patch):
         if augmentation.photometric:
             assert torch.equal(made.disparity, patch.disparity)
             assert made.offsets == patch.offsets
+
+
+def test_the_noise_that_a_patch_states_is_that_of_its_views():
+    """Whatever changes of colour come before: on plain grey, against the spread of the pixels."""
+    shape = (1, 256, 256)
+    plain = Patch(
+        torch.full((1, 3, 256, 256), 0.3),
+        ((0, 0),),
+        torch.zeros(shape),
+        torch.ones(shape, dtype=torch.bool),
+    )
+    noisy = CameraFaults(replace(Faults.none(), noise=1.0, full=True))
+    choices = {"gray_weights": torch.tensor([0.2, 0.5, 0.3]), "colour_scale": 2.0, "gamma": 0.8}
+    made = plain
+    for augmentation in AUGMENTATIONS.values():
+        if augmentation.name in choices:
+            made = augmentation.apply(made, choices[augmentation.name])
+        elif augmentation.name == noisy.name:
+            made = noisy.apply(made, 7)
+    assert made.noise is not None and made.noise.mean() > 0.005
+    assert float(made.views.std()) == pytest.approx(float(made.noise.mean()), rel=0.05)

@@ -262,10 +262,10 @@ AUGMENTATIONS: Mapping[str, Augmentation] = MappingProxyType(
             Flip(),
             SignReversal(),
             Scale(),
-            CameraFaults(),
             GrayWeights(),
             ColourScale(),
             Gamma(),
+            CameraFaults(),
         )
     }
 )
