@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -24,15 +24,20 @@ def scene(request: pytest.FixtureRequest, render: Renderer) -> LightField:
     return render(layers, grid=request.param, size=(80, 96), noise=0.005)
 
 
+def in_wrong_order(lf: LightField, shuffle: Arrangement) -> LightField:
+    """As if read so from disk: not by the user's wish."""
+    return replace(shuffle.apply(lf), order=(False, False, False))
+
+
 @pytest.mark.parametrize("shuffle", ARRANGEMENTS, ids=str)
 def test_any_arrangement_is_found_and_corrected(scene: LightField, shuffle: Arrangement) -> None:
-    shuffled = shuffle.apply(scene)
+    shuffled = in_wrong_order(scene, shuffle)
     check = check_order(shuffled)
     assert check.decided_grid and check.decided_sign
     assert check.is_consistent == (shuffle == Arrangement())
     corrected = shuffled.reordered(**asdict(check.correction))
     np.testing.assert_array_equal(corrected.views, scene.views)
-    assert all(flag in check.verdict for flag in check.correction.flags)
+    assert all(flag in check.verdict for flag in check.flags)
 
 
 def test_corrected_views_are_consistent(scene: LightField) -> None:
@@ -40,9 +45,30 @@ def test_corrected_views_are_consistent(scene: LightField) -> None:
     assert check_order(check_order(shuffled).correction.apply(shuffled)).is_consistent
 
 
+def test_flags_are_named_in_place_of_those_given(scene: LightField) -> None:
+    """What a user is told to give is right from the beginning, whatever was given before."""
+    read = in_wrong_order(scene, Arrangement(flip_rows=True, transpose=True))
+    for given in ARRANGEMENTS[1:]:
+        check = check_order(given.apply(read))
+        asked = Arrangement(**{flag[2:].replace("-", "_"): True for flag in check.flags})
+        np.testing.assert_array_equal(asked.apply(read).views, scene.views)
+        if not check.is_consistent:
+            assert check.remedy == f"{asked} in place of {given}"
+    needless = check_order(Arrangement(flip_rows=True).apply(scene))
+    assert "it needs no flag in place of --flip-rows" in needless.verdict
+
+
+def test_one_arrangement_after_another_is_what_reordered_makes_of_both() -> None:
+    lf = LightField(np.arange(9, dtype=np.uint8).reshape(3, 3, 1, 1, 1))
+    for first, then in itertools.product(ARRANGEMENTS, repeat=2):
+        twice, once = then.apply(first.apply(lf)), then.after(first).apply(lf)
+        np.testing.assert_array_equal(once.views, twice.views)
+        assert once.order == twice.order
+
+
 def test_without_occlusion_the_sign_stays_open(render: Renderer) -> None:
-    plane = render({0.8: None}, size=(80, 96), noise=0.005).reordered(flip_rows=True)
-    check = check_order(plane)
+    plane = render({0.8: None}, size=(80, 96), noise=0.005)
+    check = check_order(in_wrong_order(plane, Arrangement(flip_rows=True)))
     assert check.decided_grid and not check.decided_sign
     assert check.correction == Arrangement(flip_rows=True)
     assert check.is_consistent is False

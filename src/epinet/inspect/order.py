@@ -61,6 +61,20 @@ class Arrangement:
         }
         return tuple(flag for flag, wanted in named.items() if wanted)
 
+    def after(self, first: Arrangement) -> Arrangement:
+        """The one that does in a single step what `first` and then this do.
+
+        Example:
+            >>> Arrangement(flip_rows=True).after(Arrangement(flip_rows=True, transpose=True))
+            Arrangement(flip_rows=False, flip_cols=False, transpose=True)
+        """
+        rows, cols = first.flip_rows, first.flip_cols
+        if self.transpose:
+            rows, cols = cols, rows
+        return Arrangement(
+            rows != self.flip_rows, cols != self.flip_cols, first.transpose != self.transpose
+        )
+
     def apply(self, lf: LightField) -> LightField:
         """The light field with its views put where they belong."""
         return lf.reordered(**asdict(self))
@@ -92,6 +106,23 @@ class OrderCheck:
     """Mean difference of intensity left by the best plane, by class (its simplest arrangement)."""
     votes: Votes
     """Occlusions that speak for (near) and against (far) the sign after the correction."""
+    given: Arrangement
+    """The correction that had been made already, as a user may ask for it."""
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Command line flags that put the views in order, in place of those given."""
+        return self.correction.after(self.given).flags
+
+    @property
+    def remedy(self) -> str:
+        """What the user is to give; both possibilities where occlusions do not tell."""
+        one, other = self.correction, self.correction.reversed
+        possible = (one,) if self.decided_sign else (one, other)
+        wanted = [" ".join(a.after(self.given).flags) for a in possible]
+        if self.given == Arrangement():
+            return " or ".join(text or "no change" for text in wanted)
+        return f"{' or '.join(text or 'no flag' for text in wanted)} in place of {self.given}"
 
     @property
     def grid_margin(self) -> float:
@@ -115,15 +146,14 @@ class OrderCheck:
             return "The images have too little texture or parallax to tell the order of the views."
         fit = f"fits {self.grid_margin:.1f} times better than the next"
         if not self.decided_sign:
-            either = " or ".join(str(a) for a in (self.correction, self.correction.reversed))
             return (
-                f"The order of the views needs {either} (this {fit}); occlusions do not tell "
+                f"The order of the views needs {self.remedy} (this {fit}); occlusions do not tell "
                 "which, so disparity may have the wrong sign."
             )
         seen = f"{self.votes.near} of {self.votes.near + self.votes.far} occlusions agree"
         if self.is_consistent:
             return f"The order of the views is right (it {fit}; {seen})."
-        return f"The order of the views is wrong: it needs {self.correction} (this {fit}; {seen})."
+        return f"The order of the views is wrong: it needs {self.remedy} (this {fit}; {seen})."
 
 
 def check_order(lf: LightField) -> OrderCheck:
@@ -137,14 +167,15 @@ def check_order(lf: LightField) -> OrderCheck:
     star = load_star(lf)
     residuals, (low, high) = _class_residuals(star)
     best = min(CLASSES, key=lambda arrangement: residuals[arrangement])
-    undecided = OrderCheck(best, False, False, residuals, Votes(0, 0))
+    given = Arrangement(*lf.order)
+    undecided = OrderCheck(best, False, False, residuals, Votes(0, 0), given)
     if undecided.grid_margin < MIN_GRID_MARGIN:
         return replace(undecided, correction=Arrangement())
     votes = _sign_votes(lf, best, low / star.scale, high / star.scale)
     decided = votes.near + votes.far >= MIN_VOTES and abs(votes.margin) >= MIN_VOTE_MARGIN
     if decided and votes.margin < 0:
         best, votes = best.reversed, Votes(votes.far, votes.near)
-    return OrderCheck(best, True, decided, residuals, votes)
+    return OrderCheck(best, True, decided, residuals, votes, given)
 
 
 def _class_residuals(star: Star) -> tuple[dict[Arrangement, float], tuple[float, float]]:

@@ -91,7 +91,7 @@ def _order(check: OrderCheck) -> dict[str, Any]:
     return {
         "verdict": check.verdict,
         "consistent": check.is_consistent,
-        "flags": list(check.correction.flags),
+        "flags": list(check.flags),
         "grid_decided": check.decided_grid,
         "grid_margin": round(check.grid_margin, 3) if np.isfinite(check.grid_margin) else None,
         "sign_decided": check.decided_sign,
@@ -105,14 +105,8 @@ def _warnings(
 ) -> list[str]:
     warnings = []
     if order.is_consistent is False:
-        wanted = (
-            [order.correction]
-            if order.decided_sign
-            else [order.correction, order.correction.reversed]
-        )
-        flags = " or ".join(str(a) for a in wanted)
         unsure = "" if order.decided_sign else " (the wrong one of them reverses the sign)"
-        warnings.append(f"the views stand in the wrong order; add: {flags}{unsure}")
+        warnings.append(f"the views stand in the wrong order; give: {order.remedy}{unsure}")
     if span is not None and trained is not None:
         low, high = trained
         outside = span.min_px < low - RANGE_TOLERANCE_PX or span.max_px > high + RANGE_TOLERANCE_PX
@@ -128,9 +122,10 @@ def _warnings(
 def _camera_text(camera: dict[str, Any] | None) -> str:
     if camera is None:
         return "unknown (no metric depth)"
+    focus = float(camera["focus_distance_mm"])
     text = (
         f"focal length {camera['focal_length_mm']:g} mm, sensor {camera['sensor_size_mm']:g} mm, "
-        f"baseline {camera['baseline_mm']:g} mm, focus at {camera['focus_distance_mm']:.0f} mm"
+        f"baseline {camera['baseline_mm']:g} mm, focus at {focus:.0f} mm"
     )
     low, high = camera["disparity_min_px"], camera["disparity_max_px"]
     return text if low is None or high is None else f"{text}, stated {low:g}..{high:g} px"
