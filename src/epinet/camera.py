@@ -12,6 +12,7 @@ with every length in mm and F the focus distance (the 4D Light Field Benchmark's
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -76,4 +77,5 @@ class Camera:
         return (self.baseline_focal_mm_px * nearness).astype(np.float32)
 
     def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        """Fit for JSON, which knows no infinite number: the text Infinity takes its place."""
+        return {k: "Infinity" if v == math.inf else v for k, v in asdict(self).items()}

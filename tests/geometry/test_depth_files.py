@@ -10,10 +10,11 @@ from PIL import Image
 from epinet.errors import InputError
 from epinet.geometry.depth_files import PNG_FAR, fitting_step_mm, write_depth
 from epinet.io import read_pfm
+from epinet.io.camera_file import CameraFacts, camera_facts
 
 INF, NAN = np.inf, np.nan
 DEPTH = np.array([[812.3, 1500.0, INF], [NAN, 2999.9, 1e9]], np.float32)
-CAMERA = {"focus_distance_mm": 900.0}
+CAMERA = CameraFacts(focus_distance_mm=900.0)
 
 
 @pytest.mark.parametrize("name", ["depth.pfm", "depth.tiff", "depth.tif"])
@@ -31,7 +32,7 @@ def test_npz_holds_validity_and_camera(tmp_path):
     found = np.load(tmp_path / "depth.npz")
     np.testing.assert_array_equal(found["depth_mm"], DEPTH)
     np.testing.assert_array_equal(found["valid"], np.isfinite(DEPTH))
-    assert json.loads(str(found["camera"])) == CAMERA
+    assert camera_facts(json.loads(str(found["camera"])), "npz") == CAMERA
 
 
 @pytest.mark.parametrize("step", [None, 0.1, 1.0])
@@ -69,3 +70,17 @@ def test_what_cannot_be_is_refused(tmp_path):
     with pytest.raises(InputError, match="a step is for 16-bit PNG"):
         write_depth(tmp_path / "depth.pfm", DEPTH, CAMERA, 1.0)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_ending_in_capitals_is_kept(tmp_path):
+    write_depth(tmp_path / "depth.NPZ", DEPTH, CAMERA)
+    assert [p.name for p in tmp_path.iterdir()] == ["depth.NPZ"]
+    np.testing.assert_array_equal(np.load(tmp_path / "depth.NPZ")["depth_mm"], DEPTH)
+
+
+def test_parallel_cameras_are_written_as_json_that_others_read(tmp_path):
+    parallel = CameraFacts(focus_distance_mm=INF, baseline_mm=3.0)
+    write_depth(tmp_path / "depth.npz", DEPTH, parallel)
+    text = str(np.load(tmp_path / "depth.npz")["camera"])
+    strict = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert camera_facts(strict, "npz") == parallel

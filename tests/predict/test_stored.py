@@ -1,6 +1,7 @@
 """A result read back is the result that was written, and its views are found again."""
 
 import json
+import math
 import shutil
 
 import numpy as np
@@ -138,3 +139,12 @@ def test_the_views_of_a_refined_result_are_compensated(tmp_path):
         Result(flat, flat + 1, lf, settings={"refine": refine}).save(tmp_path / "result")
         found = read_result(tmp_path / "result").read_views()
         np.testing.assert_array_equal(found.views, expected.views)
+
+
+def test_parallel_cameras_are_kept_in_json_that_others_read(estimator, tmp_path):
+    camera = Camera(50.0, 36.0, 5.0, math.inf, 40, 34)
+    views = np.random.default_rng(0).integers(0, 256, (5, 5, 34, 40, 3)).astype(np.uint8)
+    folder = estimator.predict(LightField(views, camera=camera)).save(tmp_path / "out")
+    text = (folder / "run.json").read_text()
+    json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert read_result(folder).camera_facts.focus_distance_mm == math.inf

@@ -54,7 +54,7 @@ def depth(
         focus=focus_mm,
     )
     depth_mm = facts.camera(stored.size, metric_depth_only=True).depth_mm(stored.disparity)
-    meaning = write_depth(output, depth_mm, facts.known(), step_mm)
+    meaning = write_depth(output, depth_mm, facts, step_mm)
     finite = depth_mm[np.isfinite(depth_mm)]
     span = "{:.6g}..{:.6g} mm".format(*np.percentile(finite, [1, 99])) if finite.size else "none"
     far, unknown = int(np.isinf(depth_mm).sum()), int(np.isnan(depth_mm).sum())

@@ -13,8 +13,6 @@ infinitely far.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +22,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
+from epinet.io.camera_file import CameraFacts
 from epinet.io.pfm import write_pfm
 
 SUFFIXES = (".pfm", ".png", ".tif", ".tiff", ".npz")
@@ -48,7 +47,7 @@ def check_suffix(path: Path) -> None:
 def write_depth(
     path: str | Path,
     depth_mm: NDArray[np.float32],
-    camera: Mapping[str, float],
+    camera: CameraFacts,
     step_mm: float | None = None,
 ) -> str:
     """Write depth (H, W), by the ending of the name; see the table above.
@@ -79,12 +78,12 @@ def write_depth(
     if suffix == ".pfm":
         write_pfm(path, depth_mm)
     elif suffix == ".npz":
-        with atomic_path(path) as temporary:
+        with atomic_path(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(
-                temporary,
+                file,
                 depth_mm=depth_mm,
                 valid=np.isfinite(depth_mm),
-                camera=json.dumps(dict(camera)),
+                camera=camera.as_json(),
             )
     else:
         about = {_TIFF_DESCRIPTION: "depth in mm along the optical axis; inf: far, NaN: unknown"}

@@ -37,7 +37,7 @@ _JSON, _YAML, _CFG = ".json", (".yaml", ".yml"), ".cfg"
 class CameraFacts(BaseModel):
     """What is known of a camera; any of it may be missing."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
 
     focal_length_mm: _Length | None = None
     sensor_size_mm: _Length | None = None
@@ -68,6 +68,10 @@ class CameraFacts(BaseModel):
     def known(self) -> dict[str, float]:
         """The facts that there are, by name."""
         return self.model_dump(exclude_none=True)
+
+    def as_json(self) -> str:
+        """The known facts; an infinite distance is the text Infinity: JSON has no such number."""
+        return self.model_dump_json(exclude_none=True, indent=1)
 
     def completed_by(self, other: CameraFacts) -> CameraFacts:
         """These facts with those of `other`, which win; another way to say the same goes.
@@ -211,9 +215,10 @@ def write_camera(path: str | Path, facts: CameraFacts) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in (_JSON, *_YAML):
         raise InputError(f"{path}: a camera file to write ends in .json, .yaml or .yml")
-    known = facts.known()
-    as_yaml = suffix in _YAML
-    text = yaml.safe_dump(known, sort_keys=False) if as_yaml else json.dumps(known, indent=1) + "\n"
+    if suffix in _YAML:
+        text = yaml.safe_dump(facts.known(), sort_keys=False)
+    else:
+        text = facts.as_json() + "\n"
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
