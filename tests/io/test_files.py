@@ -152,6 +152,7 @@ def test_the_images_decide_the_order_of_columns(tmp_path: Path, reversed_in_file
     lf = read_light_field(tmp_path / "scene.h5")
     np.testing.assert_array_equal(lf.views, scene.views)
     assert bool(lf.notes) == reversed_in_file
+    assert lf.order == (False, False, False)  # every reading finds out anew, and nobody asked
 
 
 def test_depth_without_attributes_is_left_out(tmp_path: Path, make: MakeLightField) -> None:

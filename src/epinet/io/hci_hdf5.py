@@ -77,7 +77,9 @@ def _left_to_right(lf: LightField) -> LightField:
     )
     if not check.decided_grid or REVERSED_COLUMNS not in needed:
         return lf
-    return replace(REVERSED_COLUMNS.apply(lf), notes=(*lf.notes, _REVERSED_NOTE))
+    # The layout's own doing, which every reading repeats; `order` tells what a user asked for.
+    reversed_ = REVERSED_COLUMNS.apply(lf)
+    return replace(reversed_, order=lf.order, notes=(*lf.notes, _REVERSED_NOTE))
 
 
 def write(path: Path, lf: LightField) -> None:
