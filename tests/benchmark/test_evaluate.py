@@ -235,3 +235,13 @@ def test_a_scene_of_the_benchmark_is_read(real):
     lf = read_light_field(real / "antinous")
     np.testing.assert_array_equal(scene.centre_view(), lf.views[4, 4])
     np.testing.assert_array_equal(scene.truth, lf.truth)
+
+
+def test_what_an_interrupted_program_left_hidden_is_neither_scene_nor_map(tmp_path, add_scene):
+    for name in ("box", ".box.0a1b2c3d"):
+        add_scene(name)
+    assert [scene.name for scene in find_scenes(tmp_path / "data")] == ["box"]
+    for name in ("box", ".box.0a1b2c3d"):
+        (tmp_path / "maps" / name).mkdir(parents=True)
+        write_pfm(tmp_path / "maps" / name / "disparity.pfm", np.zeros(SIZE))
+    assert list(find_maps(tmp_path / "maps", {"box": SIZE})) == ["box"]

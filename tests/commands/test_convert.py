@@ -23,8 +23,10 @@ from plenoptic_forward import (
     write_white,
 )
 
+from epinet.camera import Camera
 from epinet.cli import main
-from epinet.io import read_light_field
+from epinet.io import read_light_field, write_light_field
+from epinet.lightfield import LightField
 from epinet.raw import decode
 
 OPTICS = Optics(size=(320, 360), pitch=10.0, rotation=-0.00086, centre=(180.2, 159.1))
@@ -134,11 +136,19 @@ def output_that_is_there(folder):
     return [capture(folder), folder / "out"]
 
 
-@case("a folder with other things in it")
+@case(r"other things than the files of a light field are in it \(chapter\.txt\)")
 def output_over_other_things(folder):
     (folder / "thesis").mkdir()
     (folder / "thesis" / "chapter.txt").write_text("")
     return [capture(folder), folder / "thesis", "--force"]
+
+
+@case(r"other things .*\(holiday\.jpg\)")
+def output_over_a_light_field_and_more(folder):
+    save = np.ones((3, 3, 30, 30, 3), np.uint8)
+    write_light_field(folder / "mine", LightField(save), "hci")
+    (folder / "mine" / "holiday.jpg").write_text("dear to someone")
+    return [capture(folder), folder / "mine", "--force"]
 
 
 @case(r"out\.lfr: nothing is written as \.lfr", r"\.png", r"\.npz")
@@ -225,3 +235,22 @@ def test_the_white_image_in_an_illums_file_is_used(tmp_path):
     assert lf.notes[0] == "vignetting by the white image in the same file"
     write_white(tmp_path / "white", optics, ILLUM, white_image(optics, ILLUM))
     np.testing.assert_array_equal(decode(path, tmp_path / "white").views, lf.views)
+
+
+def test_what_a_layout_cannot_hold_is_said(tmp_path, run):
+    camera = Camera(50.0, 36.0, 5.0, 800.0, 30, 30)
+    views, truth = np.ones((9, 9, 30, 30, 3), np.uint8), np.zeros((30, 30), np.float32)
+    lf = LightField(views, camera=camera, truth=truth, masks={"invalid": truth > 0})
+    write_light_field(tmp_path / "scene", lf, "hci")
+    told = {
+        "copy": None,
+        "a.npy": "camera, truth, masks",
+        "a.npz": "camera, masks",
+        "a.png": "camera, truth, masks",
+        "a.h5": "camera, masks",
+    }
+    for name, what in told.items():
+        done = run("convert", tmp_path / "scene", tmp_path / name)
+        assert done.code == 0, done.err
+        found = re.findall(r"not written, as \w+ does not hold it: (.*)", done.err)
+        assert found == ([] if what is None else [what]), name

@@ -372,3 +372,15 @@ def test_files_of_the_system_are_no_views(tmp_path: Path, make: MakeLightField) 
     for name in ("._000.png", ".DS_Store", "Thumbs.db"):
         (tmp_path / "shots" / name).write_bytes(b"no view")
     assert read_light_field(tmp_path / "shots").grid == (3, 3)
+
+
+@pytest.mark.parametrize("pattern", ["{r}_{c}.png", "{i:02d}.png"])
+def test_as_many_images_of_another_kind_as_views(
+    tmp_path: Path, make: MakeLightField, pattern: str
+) -> None:
+    """Depth maps beside the views: which are which cannot be told by number."""
+    folder = named(tmp_path / "scene", make(5), "rgb_" + pattern)
+    for file in sorted(folder.iterdir()):
+        write_png(folder / file.name.replace("rgb", "depth"), np.ones((24, 30, 3), np.uint8))
+    assert "25 images named like depth_" in problems(folder)[0]
+    assert "as many like rgb_" in problems(folder)[0]

@@ -131,3 +131,9 @@ def test_a_photograph_is_read_as_viewers_show_it(tmp_path: Path) -> None:
     image = read_image(tmp_path / "turned.jpg")[..., 0]
     assert image.shape == (24, 40)
     assert image[:10].min() > 200 and image[14:].max() < 50
+
+
+def test_an_image_beyond_the_limit_is_named_with_a_way_out(tmp_path: Path) -> None:
+    Image.new("1", (20_000, 18_000)).save(tmp_path / "a.png")
+    with pytest.raises(InputError, match=r"a\.png: too large for one image .*one image per view"):
+        read_image(tmp_path / "a.png")

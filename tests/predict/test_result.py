@@ -3,9 +3,11 @@
 import json
 import os
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 import epinet
@@ -185,3 +187,62 @@ def test_names_that_are_one_on_some_systems_are_refused(estimator, lf, tmp_path)
         write_light_field(tmp_path / place, lf, "hci")
     with pytest.raises(InputError, match="another light field is also named"):
         batch(estimator, [tmp_path / "x" / "boxes", tmp_path / "y" / "Boxes"], tmp_path / "out")
+
+
+def test_what_an_interrupted_program_left_hidden_is_no_light_field(lf, tmp_path):
+    for name in ("scene", ".scene.0a1b2c3d"):
+        write_light_field(tmp_path / name, lf, "hci")
+    assert [p.name for p in find_light_fields([tmp_path])] == ["scene"]
+
+
+def test_a_named_layout_does_not_take_files_for_its_folders(lf, tmp_path):
+    write_light_field(tmp_path / "scene", lf, "hci")
+    write_light_field(tmp_path / "scene.npz", lf, "array")
+    assert [p.name for p in find_light_fields([tmp_path], "hci")] == ["scene"]
+    assert [p.name for p in find_light_fields([tmp_path], "array")] == ["scene.npz"]
+
+
+def test_a_name_that_is_no_text_does_not_stop_the_preview(estimator, lf, tmp_path):
+    """As on disks written with another encoding: the bytes are kept, but cannot be drawn."""
+    path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9.npz"))
+    write_light_field(path, lf, "array")
+    (done,) = batch(estimator, [path], tmp_path / "out")
+    assert done.run is not None, done.problems
+    assert (done.folder / "preview.png").exists()
+
+
+def test_too_little_memory_fails_one_light_field_and_names_the_remedy(estimator, lf, tmp_path):
+    """Real allocations, of more than any machine has."""
+
+    def of_torch():
+        torch.empty(1 << 50)
+
+    def of_numpy():
+        np.empty(1 << 50)
+
+    def of_a_bug():
+        torch.empty(2).reshape(3)
+
+    allocations = {"a": of_torch, "b": of_numpy, "c": lambda: None, "d": of_a_bug}
+
+    @contextmanager
+    def allocating(label):
+        yield lambda share: allocations[label]()
+
+    for name in allocations:
+        write_light_field(tmp_path / "in" / name, lf, "hci")
+    outcomes = predict_all(
+        estimator,
+        find_light_fields([tmp_path / "in"]),
+        tmp_path / "out",
+        reading=Reading(),
+        options=Options(),
+        progress=allocating,
+    )
+    for name in "ab":
+        outcome = next(outcomes)
+        assert f"{name}: the memory does not suffice" in outcome.problems[0]
+        assert "--memory" in outcome.problems[0]
+    assert next(outcomes).run is not None
+    with pytest.raises(RuntimeError, match="shape"):
+        next(outcomes)

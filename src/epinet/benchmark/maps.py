@@ -118,7 +118,7 @@ def find_maps(
 
 def _candidates(folder: Path) -> dict[str, list[Path]]:
     """Maps by the name of their scene."""
-    results = [folder, *sorted(p for p in folder.iterdir() if p.is_dir())]
+    results = [folder, *sorted(p for p in folder.iterdir() if p.is_dir() and is_shown(p))]
     found: dict[str, list[Path]] = {}
     for result in results:
         for path in (result / name for name in _RESULT_MAPS):

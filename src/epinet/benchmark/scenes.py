@@ -17,6 +17,7 @@ from epinet.camera import Camera
 from epinet.errors import InputError
 from epinet.io import hci, read_pfm
 from epinet.io.images import image_files, read_image, read_mask
+from epinet.io.names import is_shown
 from epinet.io.parameters import Parameters, read_parameters
 from epinet.io.problems import Problems, listed
 from epinet.io.truth import checked_truth
@@ -163,7 +164,8 @@ def scene_folders(folder: Path) -> dict[str, list[Path]]:
         for path in scenes:
             found.setdefault(path.resolve().name, []).append(path)
         inside = [path for path in level if path not in scenes]
-        level = sorted(p for path in inside for p in path.iterdir() if p.is_dir())
+        entries = [p for path in inside for p in path.iterdir() if is_shown(p)]
+        level = sorted(p for p in entries if p.is_dir())
     if not found:
         raise InputError(
             f"{folder}: no scene in it: none of its folders holds {_TRUTH['low']} or views named "

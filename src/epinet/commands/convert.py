@@ -50,15 +50,21 @@ def convert(
     force: Annotated[bool, typer.Option("--force", help="Replace the light field at OUT.")] = False,
 ) -> None:
     """Turn raw captures of plenoptic cameras, or any other light field, into views on disk."""
-    from epinet.io import is_light_field, layout_for, read_light_field, read_raw, write_light_field
+    from epinet.io import (
+        check_target,
+        layout_for,
+        left_out,
+        read_light_field,
+        read_raw,
+        write_light_field,
+    )
     from epinet.io.lytro_raw import LAYOUT
     from epinet.raw import DEFAULT_VIEWS
 
     target = layout_for(output)
     if output.exists() and not force:
         raise InputError(f"{output}: already exists; remove it, choose another name or add --force")
-    if output.is_dir() and not is_light_field(output):
-        raise InputError(f"{output}: a folder with other things in it; choose another name")
+    check_target(output)
     if layout == LAYOUT.name or (layout is None and path.is_file() and LAYOUT.recognises(path)):
         with progress("decoding") as advance:
             lf = read_raw(path, white, DEFAULT_VIEWS if views is None else views, advance)
@@ -69,7 +75,7 @@ def convert(
         lf = lf if views is None else lf.central(views)
     lf = lf.reordered(flip_rows=flip_rows, flip_cols=flip_cols, transpose=transpose)
     write_light_field(output, lf, target, overwrite=force)
-    for note in lf.notes:
+    for note in (*lf.notes, *left_out(output, lf, target)):
         remark(f"note: {note}")
     (rows, cols), (height, width) = lf.grid, lf.size
     print(f"{path}: {rows}x{cols} views of {width}x{height} px -> {output} ({target})")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_folder, atomic_path
+from epinet.io.names import is_shown
+from epinet.io.problems import listed
 from epinet.io.read import LAYOUTS, named_layout
 from epinet.lightfield import LightField
 
@@ -22,11 +25,11 @@ def write_light_field(
         path: the folder or file to make.
         lf: what to write.
         layout: a name of LAYOUTS.
-        overwrite: replace what is at `path`; a folder is replaced as a whole.
+        overwrite: replace what is at `path`; a folder as a whole, see `check_target`.
 
     Raises:
         InputError: an unknown layout or one that is only read, a suffix that is not the layout's,
-            something at `path` already, a light field that the layout cannot hold, or an
+            what `check_target` refuses, a light field that the layout cannot hold, or an
             unwritable path.
 
     Example:
@@ -42,6 +45,7 @@ def write_light_field(
         )
     if path.exists() and not overwrite:
         raise InputError(f"{path}: already exists; remove it or choose another name")
+    check_target(path)
     atomic = atomic_folder if chosen.is_folder else atomic_path
     with atomic(path) as temporary:
         try:
@@ -49,6 +53,43 @@ def write_light_field(
         except InputError as error:
             said = [p.replace(str(temporary), str(path)) for p in error.problems]
             raise InputError([p if str(path) in p else f"{path}: {p}" for p in said]) from error
+
+
+def check_target(path: Path) -> None:
+    """Refuse to replace a folder that holds more than a light field.
+
+    Raises:
+        InputError: files are in it that are not named as a layout names what it writes.
+    """
+    if not path.is_dir():
+        return
+    ours = [layout.file_names for layout in LAYOUTS.values() if layout.file_names]
+    others = [
+        file
+        for file in sorted(path.iterdir())
+        if is_shown(file) and not any(re.fullmatch(names, file.name) for names in ours)
+    ]
+    if others:
+        raise InputError(
+            f"{path}: other things than the files of a light field are in it "
+            f"({listed([p.name for p in others], 3)}); choose another name"
+        )
+
+
+def left_out(path: Path, lf: LightField, layout: str) -> tuple[str, ...]:
+    """What a light field holds and a layout does not, in words for the user."""
+    has = {
+        "camera": lf.camera is not None,
+        "truth": lf.truth is not None,
+        "masks": bool(lf.masks) or lf.objects is not None,
+    }
+    kept = {
+        "hci": {*has},
+        "hci_hdf5": {"truth"} if lf.camera is not None else set(),
+        "array": {"truth"} if path.suffix.lower() == ".npz" else set(),
+    }.get(layout, set())
+    lost = [what for what in has if has[what] and what not in kept]
+    return (f"not written, as {layout} does not hold it: {', '.join(lost)}",) if lost else ()
 
 
 def layout_for(path: Path) -> str:

@@ -220,5 +220,7 @@ LAYOUT = Layout(
     recognises=recognises,
     read=read,
     write=write,
+    file_names=r"input_Cam\d{3,}\.png|parameters\.cfg|gt_(disp|depth)_lowres(_Cam\d{3,})?\.pfm"
+    r"|(in)?valid_mask\.png|mask_\w+_lowres\.png|objectids_lowres\.png",
     rendered=True,
 )

@@ -109,6 +109,11 @@ def _intact(path: Path, data: bytes) -> Image.Image:
         Image.open(io.BytesIO(data)).verify()
     except UnidentifiedImageError as error:
         raise InputError(f"{path}: not an image, or its beginning is damaged") from error
+    except Image.DecompressionBombError as error:
+        raise InputError(
+            f"{path}: too large for one image ({error}); a folder of one image per view, or an "
+            ".npz or .h5 file, may hold as much"
+        ) from error
     image = Image.open(io.BytesIO(data))
     image.load()
     if image.format == "PNG" and _PNG_END not in data:

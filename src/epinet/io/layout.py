@@ -24,9 +24,15 @@ class Layout:
     """Fills an empty folder, or writes a file; None where it can only be read."""
     suffixes: tuple[str, ...] = ()
     """Of its files; empty for a layout that is a folder."""
+    file_names: str = ""
+    """Pattern of the names of all files that `write` may put into a folder."""
     rendered: bool = False
     """What lies in it is rendered unless it says otherwise; else a camera took it."""
 
     @property
     def is_folder(self) -> bool:
         return not self.suffixes
+
+    def fits(self, path: Path) -> bool:
+        """Whether a folder or file looks like this layout, be it whole or damaged."""
+        return self.is_folder == path.is_dir() and self.recognises(path)

@@ -7,6 +7,8 @@ from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 
+from epinet.errors import InputError
+
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _OF_WINDOWS = frozenset({"thumbs.db", "desktop.ini"})
 
@@ -23,6 +25,20 @@ def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:
         groups[re.sub(rf"-?{_NUMBER.pattern}", "#", file.name)].append(file)
     group = max(groups.values(), key=len, default=[])
     return group, [file for file in files if file not in group]
+
+
+def check_one_kind(files: list[Path], ignored: list[Path]) -> None:
+    """Refuse images that are as many as the views: which of them are the views is anyone's guess.
+
+    Raises:
+        InputError: naming one of each.
+    """
+    others, _ = alike(ignored)
+    if len(others) == len(files) > 1:
+        raise InputError(
+            f"{files[0].parent}: {len(files)} images named like {files[0].name} and as many like "
+            f"{others[0].name}; leave only the views in the folder"
+        )
 
 
 def integer_fields(files: list[Path]) -> dict[int, list[int]]:

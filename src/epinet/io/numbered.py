@@ -13,7 +13,7 @@ from epinet.errors import InputError
 from epinet.io.folder import read_grid, write_views
 from epinet.io.images import image_files
 from epinet.io.layout import Layout
-from epinet.io.names import alike, integer_fields, renumbered
+from epinet.io.names import alike, check_one_kind, integer_fields, renumbered
 from epinet.lightfield import LightField
 
 
@@ -31,6 +31,7 @@ def read(folder: Path) -> LightField:
             `read_grid` refuses.
     """
     files, ignored = alike(image_files(folder))
+    check_one_kind(files, ignored)
     field = _field(files)
     if field is None:
         raise InputError(
@@ -85,4 +86,5 @@ LAYOUT = Layout(
     recognises=recognises,
     read=read,
     write=write,
+    file_names=r"\d{3,}\.png",
 )

@@ -75,9 +75,7 @@ def _read(path: Path, choose: Callable[[], Layout]) -> LightField:
 
 def is_light_field(path: Path) -> bool:
     """Whether some layout recognises the folder or file, be it whole or damaged."""
-    return any(
-        layout.is_folder == path.is_dir() and layout.recognises(path) for layout in LAYOUTS.values()
-    )
+    return any(layout.fits(path) for layout in LAYOUTS.values())
 
 
 def named_layout(name: str) -> Layout:
@@ -93,7 +91,7 @@ def named_layout(name: str) -> Layout:
 
 def _recognised(path: Path) -> Layout:
     for layout in LAYOUTS.values():
-        if layout.is_folder == path.is_dir() and layout.recognises(path):
+        if layout.fits(path):
             return layout
     understood = "".join(f"\n  {each.name}: {each.description}" for each in LAYOUTS.values())
     raise InputError(f"{path}: {_found(path)}. Layouts understood:{understood}")

@@ -15,7 +15,7 @@ from epinet.errors import InputError
 from epinet.io.folder import Position, read_grid, write_views
 from epinet.io.images import image_files
 from epinet.io.layout import Layout
-from epinet.io.names import alike, integer_fields, renumbered
+from epinet.io.names import alike, check_one_kind, integer_fields, renumbered
 from epinet.lightfield import LightField
 
 
@@ -70,6 +70,7 @@ def read(folder: Path) -> LightField:
             square, and what `read_grid` refuses.
     """
     files, ignored = alike(image_files(folder))
+    check_one_kind(files, ignored)
     reading = _best_reading(folder, files)
     rows, cols = reading.grid
     first_row, first_col = reading.first
@@ -128,4 +129,5 @@ LAYOUT = Layout(
     recognises=recognises,
     read=read,
     write=write,
+    file_names=r"view_\d{2,}_\d{2,}\.png",
 )

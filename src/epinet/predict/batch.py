@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from epinet import __version__
 from epinet.errors import InputError
 from epinet.io import LAYOUTS, is_light_field, lytro_raw, named_layout, read_light_field
@@ -79,13 +81,13 @@ def find_light_fields(
     Raises:
         InputError: no such layout, or a folder cannot be listed.
     """
-    recognises = is_light_field if layout is None else named_layout(layout).recognises
+    recognises = is_light_field if layout is None else named_layout(layout).fits
     found = []
     for path in paths:
         inside: list[Path] = []
         try:
             if path.is_dir() and not recognises(path):
-                entries = [p for p in sorted(path.iterdir()) if p.is_dir() or _may_be_one(p)]
+                entries = [p for p in sorted(path.iterdir()) if _may_be_one(p)]
                 inside = [p for p in entries if recognises(p)]
                 if inside:
                     for p in sorted(set(entries) - set(inside)):
@@ -97,8 +99,8 @@ def find_light_fields(
 
 
 def _may_be_one(file: Path) -> bool:
-    if not is_shown(file):
-        return False
+    if not is_shown(file) or file.is_dir():
+        return is_shown(file)
     if file.suffix.lower() in IMAGE_SUFFIXES:
         return file.stem.lower().endswith("_eslf")
     return file.suffix.lower() in FILE_SUFFIXES
@@ -162,6 +164,17 @@ def predict_all(
             yield Outcome(name, folder, result.describe())
         except InputError as error:
             yield Outcome(name, folder, problems=tuple(error.problems))
+        except (MemoryError, RuntimeError) as error:
+            if not _lacks_memory(error):
+                raise
+            problem = f"{path}: the memory does not suffice; let the network take less: --memory MB"
+            yield Outcome(name, folder, problems=(problem,))
+
+
+def _lacks_memory(error: MemoryError | RuntimeError) -> bool:
+    """On a CPU, torch says so in the text of a RuntimeError only."""
+    special = isinstance(error, MemoryError | torch.OutOfMemoryError)
+    return special or "can't allocate memory" in str(error)
 
 
 def _predict(

@@ -57,7 +57,9 @@ def save_preview(path: Path, result: Result) -> None:
     low, high = robust_range(result.disparity)
     shown = axes[0].imshow(result.centre_view)
     source = result.lightfield.source
-    axes[0].set_title("centre view" if source is None else source.name, parse_math=False)
+    # A name that is no text in the system's encoding cannot be drawn.
+    title = "centre view" if source is None else source.name.encode(errors="replace").decode()
+    axes[0].set_title(title, parse_math=False)
     # As high as its neighbours with their colour bars.
     figure.colorbar(shown, ax=axes[0], location="bottom", label=" ").ax.set_visible(False)
     shown = axes[1].imshow(result.disparity, cmap=COLOUR_MAP, vmin=low, vmax=high)

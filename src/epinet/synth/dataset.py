@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 from epinet import __version__
 from epinet.errors import InputError
-from epinet.io import write_light_field
+from epinet.io import hci, write_light_field
 from epinet.io.atomic import atomic_path, check_writable
 from epinet.io.problems import listed
 from epinet.io.read import SMALLEST_VIEW_PX
@@ -36,10 +36,6 @@ STATISTICS = ("statistics.json", "statistics.png")
 
 _KIND = "rendered light fields"
 _BESIDES_SCENES = frozenset({RECORD, *SHEETS, *STATISTICS})
-_SCENE_FILE = re.compile(
-    r"input_Cam\d{3,}\.png|parameters\.cfg|gt_(disp|depth)_lowres(_Cam\d{3,})?\.pfm"
-    r"|(in)?valid_mask\.png|mask_\w+_lowres\.png|objectids_lowres\.png"
-)
 _PNG_SHARE = 0.7
 """Bytes of a view as PNG per byte of its pixels; noise hardly compresses."""
 
@@ -234,7 +230,7 @@ def _check_output(out: Path, record: Mapping[str, Any], existing: Existing) -> l
     ours = [p for p in entries if p.name in _BESIDES_SCENES or p.name in held["scenes"]]
     foreign = sorted(set(entries) - set(ours) - set(leftovers))
     inside = [file for p in ours if p.is_dir() for file in _entries(p)]
-    foreign += [file for file in inside if not _SCENE_FILE.fullmatch(file.name)]
+    foreign += [file for file in inside if not re.fullmatch(hci.LAYOUT.file_names, file.name)]
     if foreign:
         names = listed([str(p.relative_to(out)) for p in foreign], 3)
         raise InputError(f"{out}: other things than the data set are in it, move them: {names}")
