@@ -17,7 +17,7 @@ from epinet.synth.surfaces import Rays
 Offsets = Sequence[tuple[int, int]]
 """(row, col) of views, counted from the centre view."""
 
-RAYS_AT_ONCE = {"cpu": 2**17, "cuda": 2**23}
+RAYS_ON_CPU, RAYS_ON_GPU = 2**17, 2**23
 """Bounds the memory; on a CPU, intermediate results also stay in the cache."""
 
 
@@ -142,8 +142,9 @@ def _chunks(
     scenes: int, views: int, pixels: int, device: torch.device
 ) -> list[tuple[slice, slice]]:
     """Parts of (scenes, views): many scenes at a time on a GPU, parts of one on a CPU."""
-    rays = RAYS_AT_ONCE[device.type]
-    at_once = max(1, rays // (views * pixels)) if device.type == "cuda" else 1
+    on_gpu = device.type != "cpu"
+    rays = RAYS_ON_GPU if on_gpu else RAYS_ON_CPU
+    at_once = max(1, rays // (views * pixels)) if on_gpu else 1
     step = views if at_once > 1 else max(1, rays // pixels)
     return [
         (slice(i, i + at_once), slice(j, j + step))
