@@ -104,8 +104,16 @@ def test_a_run_that_is_killed_goes_on_as_if_nothing_had_been(tmp_path, held_out)
     assert same_weights(tmp_path / "parts", tmp_path / "whole")
 
 
-def test_two_processes_do_what_one_does_with_two_shards(tmp_path, held_out, run):
+@pytest.mark.parametrize("begun", [False, True])
+def test_two_processes_do_what_one_does_with_two_shards(tmp_path, held_out, run, begun):
+    """From the beginning, and from weights whose norms are set by the first batch."""
     arguments = [*COMMAND[2:], "--set=shards=2", "--device=cpu", f"--validation={held_out}"]
+    start = {}
+    if begun:
+        run(tmp_path / "before").train()
+        weights = str(tmp_path / "before" / "weights.safetensors")
+        start = {"start": weights, "fixed_norms_from": 0.0}
+        arguments += [f"--set={key}={value}" for key, value in start.items()]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     together = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     for launcher, folder in ((together, "two"), ([sys.executable], "one")):
@@ -119,7 +127,7 @@ def test_two_processes_do_what_one_does_with_two_shards(tmp_path, held_out, run)
     assert same_weights(tmp_path / "one", tmp_path / "two")
     one, two = (torch.load(tmp_path / f / "last.pt", weights_only=True) for f in ("one", "two"))
     assert one["history"][-1]["scores"] == two["history"][-1]["scores"]
-    run(tmp_path / "whole").train()
+    run(tmp_path / "whole", TINY.model_copy(update=start)).train()
     assert not same_weights(tmp_path / "one", tmp_path / "whole")
 
 

@@ -30,7 +30,20 @@ class Team:
             return
         message = torch.cat([t.detach().flatten().float() for t in tensors])
         dist.all_reduce(message)
-        parts = torch.split(message, [t.numel() for t in tensors])
+        _unpack(message, tensors)
+
+    def share(self, tensors: Sequence[Tensor]) -> None:
+        """Replace each tensor by that of the process that leads, in place and in one message."""
+        if self.size == 1:
+            return
+        message = torch.cat([t.detach().flatten().float() for t in tensors])
+        dist.broadcast(message, src=0)
+        _unpack(message, tensors)
+
+
+def _unpack(message: Tensor, tensors: Sequence[Tensor]) -> None:
+    parts = torch.split(message, [t.numel() for t in tensors])
+    with torch.no_grad():
         for tensor, part in zip(tensors, parts, strict=True):
             tensor.copy_(part.view_as(tensor))
 

@@ -138,6 +138,8 @@ class Run:
         for part in recipe.frozen:
             self.net.get_submodule(part).requires_grad_(False)
         self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        # Norms are set by a batch of each process's own: only the leader's may count.
+        team.share([*self.net.parameters(), *self.net.buffers()])
         self.averaged = AveragedModel(self.net, avg_fn=self._average)
         self.optimisers = Optimisers(self.net, recipe)
         self.step, self.seconds = 0, 0.0
