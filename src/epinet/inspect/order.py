@@ -110,16 +110,20 @@ class OrderCheck:
     """The correction that had been made already, as a user may ask for it."""
 
     @property
+    def in_all(self) -> Arrangement:
+        """What to ask for in place of `given`."""
+        return self.correction.after(self.given)
+
+    @property
     def flags(self) -> tuple[str, ...]:
         """Command line flags that put the views in order, in place of those given."""
-        return self.correction.after(self.given).flags
+        return self.in_all.flags
 
     @property
     def remedy(self) -> str:
         """What the user is to give; both possibilities where occlusions do not tell."""
-        one, other = self.correction, self.correction.reversed
-        possible = (one,) if self.decided_sign else (one, other)
-        wanted = [" ".join(a.after(self.given).flags) for a in possible]
+        possible = (self.in_all,) if self.decided_sign else (self.in_all, self.in_all.reversed)
+        wanted = [" ".join(a.flags) for a in possible]
         if self.given == Arrangement():
             return " or ".join(text or "no change" for text in wanted)
         return f"{' or '.join(text or 'no flag' for text in wanted)} in place of {self.given}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_folder, atomic_path
-from epinet.io.names import is_shown
+from epinet.io.names import strangers
 from epinet.io.problems import listed
 from epinet.io.read import LAYOUTS, named_layout
 from epinet.lightfield import LightField
@@ -63,16 +63,11 @@ def check_target(path: Path) -> None:
     """
     if not path.is_dir():
         return
-    ours = [layout.file_names for layout in LAYOUTS.values() if layout.file_names]
-    others = [
-        file
-        for file in sorted(path.iterdir())
-        if is_shown(file) and not any(re.fullmatch(names, file.name) for names in ours)
-    ]
-    if others:
+    ours = "|".join(layout.file_names for layout in LAYOUTS.values() if layout.file_names)
+    if others := strangers(path, re.compile(ours).fullmatch):
         raise InputError(
             f"{path}: other things than the files of a light field are in it "
-            f"({listed([p.name for p in others], 3)}); choose another name"
+            f"({listed(others, 3)}); choose another name"
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from epinet.errors import InputError
@@ -27,18 +27,26 @@ def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:
     return group, [file for file in files if file not in group]
 
 
-def check_one_kind(files: list[Path], ignored: list[Path]) -> None:
-    """Refuse images that are as many as the views: which of them are the views is anyone's guess.
+def one_kind(files: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Split as `alike` does, where it is plain which group is the largest.
 
     Raises:
-        InputError: naming one of each.
+        InputError: as many files of another group, naming one of each: which of them are the
+            views is anyone's guess.
     """
-    others, _ = alike(ignored)
-    if len(others) == len(files) > 1:
+    group, rest = alike(files)
+    others, _ = alike(rest)
+    if len(others) == len(group) > 1:
         raise InputError(
-            f"{files[0].parent}: {len(files)} images named like {files[0].name} and as many like "
+            f"{group[0].parent}: {len(group)} images named like {group[0].name} and as many like "
             f"{others[0].name}; leave only the views in the folder"
         )
+    return group, rest
+
+
+def strangers(folder: Path, is_ours: Callable[[str], object]) -> list[str]:
+    """Names in a folder, in order, of what is a user's and not ours by its name."""
+    return sorted(p.name for p in folder.iterdir() if is_shown(p) and not is_ours(p.name))
 
 
 def integer_fields(files: list[Path]) -> dict[int, list[int]]:

@@ -13,7 +13,7 @@ from epinet.errors import InputError
 from epinet.io.folder import read_grid, write_views
 from epinet.io.images import image_files
 from epinet.io.layout import Layout
-from epinet.io.names import alike, check_one_kind, integer_fields, renumbered
+from epinet.io.names import alike, integer_fields, one_kind, renumbered
 from epinet.lightfield import LightField
 
 
@@ -30,8 +30,7 @@ def read(folder: Path) -> LightField:
         InputError: no number that tells the images apart, a count that is not a square, and what
             `read_grid` refuses.
     """
-    files, ignored = alike(image_files(folder))
-    check_one_kind(files, ignored)
+    files, ignored = one_kind(image_files(folder))
     field = _field(files)
     if field is None:
         raise InputError(

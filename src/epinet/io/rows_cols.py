@@ -15,7 +15,7 @@ from epinet.errors import InputError
 from epinet.io.folder import Position, read_grid, write_views
 from epinet.io.images import image_files
 from epinet.io.layout import Layout
-from epinet.io.names import alike, check_one_kind, integer_fields, renumbered
+from epinet.io.names import alike, integer_fields, one_kind, renumbered
 from epinet.lightfield import LightField
 
 
@@ -69,8 +69,7 @@ def read(folder: Path) -> LightField:
         InputError: names without row and column or with several readings, a grid that is not
             square, and what `read_grid` refuses.
     """
-    files, ignored = alike(image_files(folder))
-    check_one_kind(files, ignored)
+    files, ignored = one_kind(image_files(folder))
     reading = _best_reading(folder, files)
     rows, cols = reading.grid
     first_row, first_col = reading.first

@@ -99,8 +99,10 @@ def find_light_fields(
 
 
 def _may_be_one(file: Path) -> bool:
-    if not is_shown(file) or file.is_dir():
-        return is_shown(file)
+    if not is_shown(file):
+        return False
+    if file.is_dir():
+        return True
     if file.suffix.lower() in IMAGE_SUFFIXES:
         return file.stem.lower().endswith("_eslf")
     return file.suffix.lower() in FILE_SUFFIXES

@@ -16,7 +16,8 @@ from epinet.inspect.alignment import Alignment
 from epinet.io import write_pfm
 from epinet.io.atomic import atomic_folder
 from epinet.io.images import write_png
-from epinet.io.names import is_shown
+from epinet.io.names import strangers
+from epinet.io.problems import listed
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX, score
 from epinet.predict.confidence import AGREEMENT
@@ -139,10 +140,10 @@ def check_replaceable(folder: Path, ours: frozenset[str] = FILES) -> None:
         InputError: something else stands there.
     """
     if folder.is_dir():
-        others = sorted(p.name for p in folder.iterdir() if p.name not in ours and is_shown(p))
+        others = strangers(folder, ours.__contains__)
         if not others:
             return
-        found = f"a folder with other things in it ({', '.join(others[:3])}) stands"
+        found = f"a folder with other things in it ({listed(others, 3)}) stands"
     elif folder.exists():
         found = "a file stands"
     else:

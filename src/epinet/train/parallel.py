@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 import torch.distributed as dist
@@ -26,26 +27,21 @@ class Team:
 
     def add(self, tensors: Sequence[Tensor]) -> None:
         """Replace each tensor by its sum over the processes, in place and in one message."""
-        if self.size == 1:
-            return
-        message = torch.cat([t.detach().flatten().float() for t in tensors])
-        dist.all_reduce(message)
-        _unpack(message, tensors)
+        self._exchange(tensors, dist.all_reduce)
 
     def share(self, tensors: Sequence[Tensor]) -> None:
         """Replace each tensor by that of the process that leads, in place and in one message."""
+        self._exchange(tensors, partial(dist.broadcast, src=0))
+
+    def _exchange(self, tensors: Sequence[Tensor], send: Callable[[Tensor], object]) -> None:
         if self.size == 1:
             return
         message = torch.cat([t.detach().flatten().float() for t in tensors])
-        dist.broadcast(message, src=0)
-        _unpack(message, tensors)
-
-
-def _unpack(message: Tensor, tensors: Sequence[Tensor]) -> None:
-    parts = torch.split(message, [t.numel() for t in tensors])
-    with torch.no_grad():
-        for tensor, part in zip(tensors, parts, strict=True):
-            tensor.copy_(part.view_as(tensor))
+        send(message)
+        parts = torch.split(message, [t.numel() for t in tensors])
+        with torch.no_grad():
+            for tensor, part in zip(tensors, parts, strict=True):
+                tensor.copy_(part.view_as(tensor))
 
 
 ALONE = Team()
