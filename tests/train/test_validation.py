@@ -41,3 +41,26 @@ def test_scenes_that_cannot_score_are_named_before_training(scene, tmp_path):
         Validation.of_folders([tmp_path / "unknown", tmp_path / "black.npz"], views=3)
     text = "\n".join(error.value.problems)
     assert "unknown: no truth" in text and "black" in text and "(0, 0)" in text
+
+
+def test_mirrors_do_not_count(scene, tmp_path):
+    """Where a mirror shows something else, no network can know the truth."""
+    mirror = np.zeros(scene.size, bool)
+    mirror[20:40, 20:40] = True
+    write_light_field(tmp_path / "mirror", replace(scene, masks={"invalid": mirror}), "hci")
+    (judged,) = Validation.of_folders([tmp_path / "mirror"], views=3).scenes.values()
+    np.testing.assert_array_equal(np.isnan(judged.truth), mirror)
+    everywhere = np.ones(scene.size, bool)
+    write_light_field(tmp_path / "all", replace(scene, masks={"invalid": everywhere}), "hci")
+    with pytest.raises(InputError, match="all: no truth"):
+        Validation.of_folders([tmp_path / "all"], views=3)
+
+
+def test_rendered_scenes_are_no_mirrors():
+    scenes = Validation.rendered(3, (-4.0, 4.0), number=8).scenes
+    assert len(scenes) == 8
+    for lf in scenes.values():
+        known = np.isfinite(lf.truth)
+        np.testing.assert_array_equal(known, ~lf.masks["invalid"])
+        assert known[15:-15, 15:-15].mean() >= 0.5
+    assert not all(np.isfinite(lf.truth).all() for lf in scenes.values())  # the law was put to use
