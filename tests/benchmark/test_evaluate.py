@@ -8,10 +8,11 @@ import pytest
 
 from epinet.benchmark.evaluate import enlarge
 from epinet.benchmark.maps import find_maps
-from epinet.benchmark.methods import named_targets
+from epinet.benchmark.methods import named_targets, prepare
 from epinet.benchmark.scenes import find_scenes
 from epinet.errors import InputError
 from epinet.io import read_light_field, write_light_field, write_pfm
+from epinet.metrics.catalogue import benchmark_metrics
 from epinet.metrics.disparity import score
 from epinet.synth.generator import render_scene
 from epinet.synth.options import Options
@@ -245,3 +246,54 @@ def test_what_an_interrupted_program_left_hidden_is_neither_scene_nor_map(tmp_pa
         (tmp_path / "maps" / name).mkdir(parents=True)
         write_pfm(tmp_path / "maps" / name / "disparity.pfm", np.zeros(SIZE))
     assert list(find_maps(tmp_path / "maps", {"box": SIZE})) == ["box"]
+
+
+def test_a_scene_asked_for_twice_counts_once(tmp_path, add_scene):
+    for name in ("a", "b"):
+        add_scene(name)
+    found = find_scenes(tmp_path / "data", ["b", "a", "b"])
+    assert [scene.name for scene in found] == ["b", "a"]
+
+
+def test_a_link_is_a_scene_by_its_own_name(tmp_path, add_scene):
+    target = add_scene("scene_00000")
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "cotton").symlink_to(target)
+    assert [scene.name for scene in find_scenes(tmp_path / "linked")] == ["cotton"]
+
+
+def test_maps_beside_those_of_a_submission_are_not_passed_over(tmp_path):
+    write_pfm(tmp_path / "a.pfm", MAP)
+    write_pfm(tmp_path / "disp_maps" / "b.pfm", MAP)
+    assert set(find_maps(tmp_path, {"a": SIZE, "b": SIZE})) == {"a", "b"}
+    write_pfm(tmp_path / "disp_maps" / "a.pfm", MAP)
+    with pytest.raises(InputError, match="more than one map of scene a"):
+        find_maps(tmp_path, {"a": SIZE, "b": SIZE})
+
+
+def test_one_scene_takes_its_map_out_of_a_folder_of_many(tmp_path, add_scene):
+    folder = add_scene("a")
+    for name in ("a", "b"):
+        write_pfm(tmp_path / "maps" / f"{name}.pfm", np.zeros(SIZE))
+    prepared = prepare([str(tmp_path / "maps")], folder)
+    assert list(prepared.methods["maps"].maps) == ["a"]
+
+
+def test_pictures_are_checked_with_everything_else(tmp_path, add_scene):
+    """Not after a model has run, nor one scene at a time."""
+    add_scene("a", masks={"mask_planes_lowres": left(2)})
+    (add_scene("b") / "input_Cam040.png").write_bytes(b"no picture")
+    add_scene("c", np.full(SIZE, np.nan))
+    for name in "abc":
+        write_pfm(tmp_path / "maps" / f"{name}.pfm", np.zeros(SIZE))
+    with pytest.raises(InputError) as caught:
+        prepare([str(tmp_path / "maps")], tmp_path / "data", (), benchmark_metrics())
+    text = str(caught.value)
+    for fault in ("mask_planes_lowres.png", "input_Cam040.png", "c/gt_disp_lowres.pfm"):
+        assert fault in text
+
+
+def test_thresholds_that_read_alike_are_one():
+    thresholds = (0.07, 0.07000001, 0.03)
+    ids = [metric.id for metric in benchmark_metrics(thresholds)]
+    assert ids[:2] == ["badpix_0.07", "badpix_0.03"] and len(ids) == len(set(ids))

@@ -208,3 +208,59 @@ def test_a_report_is_three_files(evaluation, tmp_path):
     assert page.read_text(encoding="utf-8") == render(evaluation)
     names = {path.name for path in page.parent.iterdir()}
     assert names == {"report.html", "scores.csv", "scores.json"}
+
+
+def test_means_over_other_scenes_say_so_and_do_not_win(add_scene, evaluated):
+    add_scene("a")
+    add_scene("b")
+    nothing, right = np.full(SIZE, np.nan), np.full(SIZE, 0.2)
+    maps = {"half": {"a": right / 2, "b": nothing}, "whole": {"a": right, "b": right}}
+    maps["worse"] = {"a": 2 * right, "b": right}
+    found = evaluated(maps, border_px=4)
+    text = text_tables(found)
+    (half,) = (line for line in text.splitlines() if re.match(r"mean +half", line))
+    (whole,) = (line for line in text.splitlines() if re.match(r"mean +whole", line))
+    assert "1.00 (1)" in half and "(1)" not in whole
+    assert "over so many of the 2 scenes" in text
+    page = render(found)
+    assert '<td class="best">4.00</td>' in page  # the MSE x100 of the whole map
+    assert '<td class="best">1.00 (1)</td>' not in page
+
+
+def test_methods_with_holes_have_no_rank_by_what_passes_over_them(add_scene, evaluated):
+    truth = np.zeros((512, 512))
+    add_scene("cotton", truth)
+    few = np.full((512, 512), np.nan)
+    few[100, 100:104] = 0
+    found = evaluated({"few": {"cotton": few}, "all": {"cotton": truth + 1}})
+    by_mse = ranking(found, "mse_x100")
+    assert by_mse.unranked == ("few",)
+    assert "few" not in {row.method for row in by_mse.rows}
+    assert "few" in {row.method for row in ranking(found, "badpix_0.07").rows}
+    assert "Not ranked: few" in render(found)
+
+
+def test_scores_against_high_truth_are_marked(add_scene, evaluated):
+    add_scene("dots", TRUTH, high=TRUTH.repeat(10, 0).repeat(10, 1))
+    add_scene("stripes", TRUTH)
+    found = evaluated({"m": dict.fromkeys(("dots", "stripes"), TRUTH + 1)}, border_px=4)
+    lines = text_tables(found).splitlines()
+    (high,) = (line for line in lines if line.startswith("dots") and "100.00^" in line)
+    (low,) = (line for line in lines if line.startswith("stripes") and "100.00*" in line)
+    assert "*" not in high and "^" not in low
+    assert any(line.startswith("mean") and "100.00*" in line for line in lines)
+
+
+def test_classes_keep_their_two_colours_when_made_smaller():
+    truth, map_ = np.zeros((600, 600)), RNG.normal(0, 0.1, (600, 600))
+    picture = pictures.badpix_picture(map_, truth, 0.07, 0)
+    uri = pictures.data_uri(picture, 100, "classes")
+    with Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))) as image:
+        assert len(image.convert("RGB").getcolors()) == 2
+
+
+def test_what_is_not_scored_is_gray_even_where_nothing_is_known():
+    nothing = np.full((20, 20), np.nan)
+    picture = pictures.badpix_picture(nothing, np.zeros((20, 20)), 0.07, 4)
+    assert len(set(picture[0, 0])) == 1
+    assert len(set(picture[10, 10])) == 3  # missing is bad

@@ -1,16 +1,19 @@
 """The benchmark's zip: what is written can be submitted, and every fault is named."""
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from epinet.benchmark.maps import find_maps
 from epinet.benchmark.methods import maps_to_submit
 from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.benchmark.submission import check_submission, write_submission
 from epinet.errors import InputError
 from epinet.io import read_pfm, write_pfm
+from epinet.io.images import write_png
 from epinet.progress import progress
 
 SIZE = (512, 512)
@@ -104,6 +107,9 @@ FAULTS = {
     "no run time": ({"runtimes/dots.txt": b""}, "not ''"),
     "negative run time": ({"runtimes/dots.txt": b"-1"}, "not '-1'"),
     "endless run time": ({"runtimes/dots.txt": b"inf"}, "not 'inf'"),
+    "run time as Python writes it": ({"runtimes/dots.txt": b"1_0"}, "not '1_0'"),
+    "run time in other digits": ({"runtimes/dots.txt": "\uff12.5".encode()}, "not '\uff12.5'"),
+    "empty folder": ({"disp_maps/more/": b""}, "disp_maps/more/: a folder that does not belong"),
 }
 
 
@@ -158,4 +164,36 @@ def test_a_model_needs_all_scenes(tmp_path):
     write_pfm(tmp_path / "data" / "boxes" / "gt_disp_lowres.pfm", ZEROS)
     with pytest.raises(InputError) as caught:
         maps_to_submit("sweepnet", tmp_path / "data", tmp_path, progress=progress)
-    assert len(caught.value.problems) == 11
+    assert sum("is missing" in problem for problem in caught.value.problems) == 11
+    assert "boxes: no views in it" in str(caught.value)
+
+
+def test_scenes_that_cannot_be_submitted_are_named_before_the_model_runs(tmp_path):
+    small = np.zeros((16, 24, 3), np.uint8)
+    for name in (*BENCHMARK_SCENES, "more/cotton"):
+        write_png(tmp_path / "data" / name / "input_Cam000.png", small)
+    with pytest.raises(InputError) as caught:
+        maps_to_submit("sweepnet", tmp_path / "data", tmp_path, progress=progress)
+    text = str(caught.value)
+    assert text.count("views of 24x16 px; the benchmark's scenes have 512x512 px") == 11
+    assert "cotton: scenes of one name" in text
+
+
+def test_a_bad_run_time_hides_no_fault_of_the_map(tmp_path):
+    write_pfm(tmp_path / "dots.pfm", HOLED)
+    write_pfm(tmp_path / "boxes.pfm", np.zeros((20, 30, 3)))
+    (tmp_path / "runtimes").mkdir()
+    (tmp_path / "runtimes" / "dots.txt").write_text("fast")
+    with pytest.raises(InputError) as caught:
+        find_maps(tmp_path, dict.fromkeys(("dots", "boxes"), SIZE), complete=True)
+    text = str(caught.value)
+    for fault in ("not finite", "not 'fast'", "in colour", "the map is 30x20 px", "no run time"):
+        assert fault in text
+
+
+def test_a_short_run_time_is_kept(maps, tmp_path):
+    found = maps_to_submit(str(maps), None, tmp_path, progress=progress)
+    quick = {name: replace(file, seconds=1e-11) for name, file in found.items()}
+    write_submission(tmp_path / "quick.zip", quick)
+    with zipfile.ZipFile(tmp_path / "quick.zip") as archive:
+        assert float(archive.read("runtimes/dots.txt")) == 1e-11

@@ -13,6 +13,7 @@ from epinet.benchmark.maps import MapFile
 from epinet.benchmark.scenes import Scene
 from epinet.io.problems import Problems
 from epinet.metrics.disparity import BORDER_PX
+from epinet.metrics.general import MISSING, RUNTIME
 from epinet.metrics.metric import Comparison, Metric, Resolution
 
 
@@ -34,7 +35,7 @@ class Score:
     value: float | None
     """None where there is none."""
     truth: Resolution | None = None
-    """Resolution of the truth that was used."""
+    """Resolution of the truth that was used; None for the run time, which needs none."""
     official: bool = True
     """Whether that is the resolution that the benchmark's site uses."""
     absent: str = ""
@@ -59,6 +60,16 @@ class Evaluation:
     def value(self, method: Method, scene: Scene, metric: Metric) -> float | None:
         """A score, None where there is none."""
         return self.scores[method.name, scene.name, metric.id].value
+
+    def is_official(self, method: Method, metric: Metric) -> bool:
+        """Whether all its scores stand against truth of the resolution that the site uses."""
+        found = (self.scores[method.name, scene.name, metric.id] for scene in self.scenes)
+        return all(score.official for score in found if score.value is not None)
+
+    def is_complete(self, method: Method, scenes: Sequence[Scene] = ()) -> bool:
+        """Whether it has an estimate of every pixel that is scored."""
+        found = (self.scores.get((method.name, s.name, MISSING.id)) for s in scenes or self.scenes)
+        return not any(score and score.value for score in found)
 
     def mean(
         self, method: Method, metric: Metric, scenes: Sequence[Scene] = ()
@@ -130,7 +141,8 @@ def _score_scene(
                 value = metric.score(comparison)
                 official = resolution == scene.benchmark_resolution(metric)
                 why = "" if value is not None else _why_none(scene, metric)
-                scores[method.name, scene.name, metric.id] = Score(value, resolution, official, why)
+                used = None if metric is RUNTIME else resolution
+                scores[method.name, scene.name, metric.id] = Score(value, used, official, why)
     return scores
 
 

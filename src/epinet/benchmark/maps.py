@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io import read_pfm
-from epinet.io.names import is_shown
+from epinet.io.names import folder_name, is_shown
 from epinet.io.problems import Problems, listed, parsing
 
 Size = tuple[int, int]
@@ -25,6 +26,8 @@ MAPS_FOLDER, RUNTIMES_FOLDER = "disp_maps", "runtimes"
 """Where the benchmark's submissions have them."""
 
 _RESULT_MAPS = ("disparity.pfm", "disparity.npy")
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+"""As every program reads one."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +55,15 @@ def check_map(map_: NDArray[Any], size: Size, path: Path | str) -> None:
     Raises:
         InputError: naming `path`.
     """
+    problems = Problems()
     if map_.ndim == 3:
-        raise InputError(f"{path}: in colour (PF); a map has one value a pixel (Pf)")
-    if map_.shape != size:
-        raise InputError(
+        problems.append(f"{path}: in colour (PF); a map has one value a pixel (Pf)")
+    if map_.shape[:2] != size:
+        problems.append(
             f"{path}: the map is {_size_text(map_.shape)}, it must be {_size_text(size)}, as large "
             "as the views"
         )
+    problems.raise_any()
 
 
 def missing_values(map_: NDArray[Any], path: Path | str) -> list[str]:
@@ -108,10 +113,17 @@ def find_maps(
     found = {}
     for name, size in sizes.items():
         with problems.gather():
-            found[name] = _map_of(folder, name, candidates.get(name, []))
-            map_ = found[name].read(size)
-            if complete:
-                problems += _incomplete(found[name], map_, name)
+            file = MapFile(_map_of(folder, name, candidates.get(name, [])))
+            with problems.gather():
+                map_ = file.read(size)
+                if complete:
+                    problems += missing_values(map_, file.path)
+            found[name] = replace(file, seconds=_seconds_of(folder, name, file.path))
+            if complete and found[name].seconds is None:
+                problems.append(
+                    f"{file.path}: no run time is stated; write it in seconds to "
+                    f"{RUNTIMES_FOLDER}/{name}.txt in the folder of the maps"
+                )
     problems.raise_any()
     return found
 
@@ -123,15 +135,15 @@ def _candidates(folder: Path) -> dict[str, list[Path]]:
     for result in results:
         for path in (result / name for name in _RESULT_MAPS):
             if path.exists():
-                found.setdefault(result.resolve().name, [path])
-    inner = folder / MAPS_FOLDER
-    for path in filter(is_shown, sorted((inner if inner.is_dir() else folder).iterdir())):
-        if path.suffix.lower() in SUFFIXES and path.name not in _RESULT_MAPS:
-            found.setdefault(path.stem, []).append(path)
+                found.setdefault(folder_name(result), [path])
+    for place in filter(Path.is_dir, (folder, folder / MAPS_FOLDER)):
+        for path in filter(is_shown, sorted(place.iterdir())):
+            if path.suffix.lower() in SUFFIXES and path.name not in _RESULT_MAPS:
+                found.setdefault(path.stem, []).append(path)
     return found
 
 
-def _map_of(folder: Path, name: str, paths: list[Path]) -> MapFile:
+def _map_of(folder: Path, name: str, paths: list[Path]) -> Path:
     if not paths:
         raise InputError(
             f"{folder}: no map of scene {name}; expected {name}.pfm, {name}.npy or "
@@ -140,22 +152,15 @@ def _map_of(folder: Path, name: str, paths: list[Path]) -> MapFile:
     if len(paths) > 1:
         both = " and ".join(str(path) for path in paths)
         raise InputError(f"{both}: more than one map of scene {name}; remove one")
-    path = paths[0]
+    return paths[0]
+
+
+def _seconds_of(folder: Path, name: str, path: Path) -> float | None:
     stated = folder / RUNTIMES_FOLDER / f"{name}.txt"
     if stated.exists():
         with parsing(stated, "text"):
-            return MapFile(path, parse_runtime(stated.read_text(), stated))
-    return result_map(path.parent) if path.name in _RESULT_MAPS else MapFile(path)
-
-
-def _incomplete(file: MapFile, map_: NDArray[Any], name: str) -> list[str]:
-    problems = missing_values(map_, file.path)
-    if file.seconds is None:
-        problems.append(
-            f"{file.path}: no run time is stated; write it in seconds to "
-            f"{RUNTIMES_FOLDER}/{name}.txt in the folder of the maps"
-        )
-    return problems
+            return parse_runtime(stated.read_text(), stated)
+    return result_map(path.parent).seconds if path.name in _RESULT_MAPS else None
 
 
 def result_map(folder: Path) -> MapFile:
@@ -176,10 +181,7 @@ def parse_runtime(text: str, path: Path | str) -> float:
         InputError: it is no positive number.
     """
     first = text.partition("\n")[0].strip()
-    try:
-        seconds = float(first)
-    except ValueError:
-        seconds = math.nan
+    seconds = float(first) if _NUMBER.fullmatch(first) else math.nan
     if not (math.isfinite(seconds) and seconds > 0):
         raise InputError(
             f"{path}: the first line must be the run time in seconds, a number such as 2.5, "

@@ -13,12 +13,14 @@ from epinet.benchmark.scenes import (
     BENCHMARK_SIDE_PX,
     Scene,
     gather_scenes,
+    only_folder,
     scene_folders,
 )
 from epinet.errors import InputError
+from epinet.io.images import image_files, read_image
 from epinet.io.problems import Problems
 from epinet.metrics.disparity import BORDER_PX
-from epinet.metrics.metric import Comparison
+from epinet.metrics.metric import Comparison, Metric, Resolution
 from epinet.model.checkpoint import MODELS, shipped_weights
 from epinet.predict.batch import Options, Progress, Reading, predict_all
 from epinet.predict.estimator import Estimator, load_model
@@ -113,6 +115,7 @@ def prepare(
     texts: Sequence[str],
     data: Path,
     scene_names: Sequence[str] = (),
+    metrics: Sequence[Metric] = (),
     *,
     border_px: int = BORDER_PX,
     device: str | None = None,
@@ -123,6 +126,7 @@ def prepare(
         texts: the methods, see `named_targets`.
         data: a scene with truth, or a folder of them.
         scene_names: of the scenes meant; none means all.
+        metrics: whose masks must be usable where they are.
         border_px: will be left out on each side; something must remain.
         device: to run models on; None takes a GPU where there is one.
 
@@ -134,6 +138,8 @@ def prepare(
     with problems.gather():
         found = scene_folders(data)
     scenes = gather_scenes(found, scene_names, problems)
+    for scene in scenes:
+        _check_pictures(scene, metrics, problems)
     problems += [
         f"{scene.folder}: a border of {border_px} px leaves nothing of {scene.size[1]}x"
         f"{scene.size[0]} px with truth; give a smaller --border"
@@ -152,11 +158,25 @@ def prepare(
             elif found:
                 folder = Path(target.what)
                 sizes = {scene.name: scene.size for scene in scenes}
-                maps = find_maps(folder, sizes, None if scene_names else found)
+                one_of_many = bool(scene_names) or [data] in found.values()
+                maps = find_maps(folder, sizes, None if one_of_many else found)
                 methods[target.name] = Method(target.name, str(folder.resolve()), maps)
     problems.raise_any()
     names = tuple(target.name for target in targets)
     return Prepared(tuple(scenes), names, methods, models)
+
+
+def _check_pictures(scene: Scene, metrics: Sequence[Metric], problems: Problems) -> None:
+    """Masks and centre view, before long work instead of after it."""
+    with problems.gather():
+        scene.centre_view()
+    wanted: dict[Resolution, set[str]] = {}
+    for metric in metrics:
+        if (resolution := scene.resolution(metric)) is not None:
+            wanted.setdefault(resolution, set()).update(metric.masks)
+    for resolution, names in wanted.items():
+        with problems.gather():
+            scene.masks_of(names, resolution, scene.truth_of(resolution).shape)
 
 
 def run_model(
@@ -205,11 +225,29 @@ def maps_to_submit(
     if data is None:
         raise InputError(f"{what}: a model needs the scenes; give their folder as --data")
     found = scene_folders(data)
-    missing = [f"{data}: scene {name} is missing" for name in BENCHMARK_SCENES if name not in found]
-    if missing:
-        raise InputError(missing)
-    folders = {name: found[name][0] for name in BENCHMARK_SCENES}
+    problems = Problems()
+    folders: dict[str, Path] = {}
+    for name in BENCHMARK_SCENES:
+        if name not in found:
+            problems.append(f"{data}: scene {name} is missing")
+            continue
+        with problems.gather():
+            folders[name] = only_folder(found, name)
+            _check_side(folders[name])
+    problems.raise_any()
     return run_model(target.load(device), folders, folder, progress=progress)
+
+
+def _check_side(folder: Path) -> None:
+    views = image_files(folder)
+    if not views:
+        raise InputError(f"{folder}: no views in it")
+    height, width = read_image(views[0]).shape[:2]
+    if (height, width) != (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX):
+        raise InputError(
+            f"{folder}: views of {width}x{height} px; the benchmark's scenes have "
+            f"{BENCHMARK_SIDE_PX}x{BENCHMARK_SIDE_PX} px"
+        )
 
 
 def _name_of(what: str) -> str:

@@ -21,8 +21,16 @@ from epinet.benchmark.standing import (
     common_scenes,
     rankings,
     run_times,
+    unranked_methods,
 )
-from epinet.benchmark.table import ABSENT, score_tables, score_text, truths_used
+from epinet.benchmark.table import (
+    ABSENT,
+    mean_text,
+    partial_means,
+    score_tables,
+    score_text,
+    truths_used,
+)
 from epinet.metrics.metric import Metric
 
 OFFICIAL = (
@@ -78,14 +86,27 @@ def _summary(evaluation: Evaluation) -> str:
 def _means(evaluation: Evaluation) -> str:
     metrics = [metric for table in score_tables(evaluation)[:1] for metric in table.metrics]
     methods = evaluation.methods
-    means = [[evaluation.mean(method, metric)[0] for method in methods] for metric in metrics]
     rows = [
-        [method.name, *(score_text(column[i]) for column in means)]
-        for i, method in enumerate(methods)
+        [method.name, *(mean_text(evaluation, method, m) for m in metrics)] for method in methods
     ]
+    comparable = [_comparable_means(evaluation, metric) for metric in metrics]
     header = ["method", *(f"{metric.name} ({metric.unit})" for metric in metrics)]
-    table = html_table(header, rows, ours={(i, 0) for i in range(len(rows))}, best=lowest(means, 1))
-    return f"<p>Over {_count(len(evaluation.scenes), 'scene')}.</p>{table}"
+    table = html_table(
+        header, rows, ours={(i, 0) for i in range(len(rows))}, best=lowest(comparable, 1)
+    )
+    over = f"Over {_count(len(evaluation.scenes), 'scene')}.{partial_means(evaluation)}"
+    return f"<p>{over}</p>{table}"
+
+
+def _comparable_means(evaluation: Evaluation, metric: Metric) -> list[float | None]:
+    """Of the methods scored on the most scenes, without missing pixels that the metric ignores."""
+    means = {method.name: evaluation.mean(method, metric) for method in evaluation.methods}
+    most = max(count for _, count in means.values())
+    left_out = unranked_methods(evaluation, metric.id)
+    return [
+        mean if count == most and name not in left_out else None
+        for name, (mean, count) in means.items()
+    ]
 
 
 def _accuracy_and_time(evaluation: Evaluation) -> str:
@@ -150,7 +171,13 @@ def _ranking_table(ranking: Ranking, name: str) -> str:
     ours = {(i, 1) for i, row in enumerate(ranking.rows) if row.ours}
     header = ["rank", "method", "mean", *ranking.scenes]
     table = html_table(header, rows, left=2, ours=ours, best=lowest(columns, 3))
-    return f"<div><h3>{escape(name)}</h3>{table}</div>"
+    note = ""
+    if ranking.unranked:
+        note = (
+            f"<p>Not ranked: {escape(', '.join(ranking.unranked))}, without an estimate of all "
+            f"pixels; {escape(name)} passes over the missing ones.</p>"
+        )
+    return f"<div><h3>{escape(name)}</h3>{table}{note}</div>"
 
 
 def _published_means() -> str:
@@ -173,8 +200,11 @@ def _all_scores(evaluation: Evaluation) -> str:
 
 
 def _metrics(metrics: Sequence[Metric]) -> str:
-    rows = [(metric.name, metric.unit, metric.definition, metric.source) for metric in metrics]
-    return html_table(["metric", "unit", "definition", "source"], rows, left=4)
+    rows = [
+        (m.id, m.name, m.unit, m.definition, ", ".join(m.masks) or ABSENT, m.source)
+        for m in metrics
+    ]
+    return html_table(["id", "metric", "unit", "definition", "masks", "source"], rows, left=6)
 
 
 def _listed(names: Sequence[str]) -> str:

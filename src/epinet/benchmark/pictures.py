@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import colormaps
@@ -51,7 +51,7 @@ def badpix_picture(
         outside[:border] = outside[-border:] = True
         outside[:, :border] = outside[:, -border:] = True
     low, high = robust_range(map_)
-    gray = _coloured((map_ - low) / (high - low), "gray")
+    gray = _coloured(np.nan_to_num((map_ - low) / (high - low), nan=0.6), "gray")
     picture[outside] = gray[outside]
     return picture
 
@@ -67,12 +67,22 @@ def gradient(name: str) -> str:
     return f"linear-gradient(to right, {stops})"
 
 
-def data_uri(picture: Rgb, side_px: int, *, photograph: bool = False) -> str:
-    """A PNG as text, its longer side at most `side_px`, with few colours."""
+Kind = Literal["photograph", "map", "classes"]
+
+
+def data_uri(picture: Rgb, side_px: int, kind: Kind = "map") -> str:
+    """A PNG as text, its longer side at most `side_px`.
+
+    Args:
+        kind: colours are few but of a photograph; those of classes stay exact, and do not mix.
+    """
     image = Image.fromarray(np.ascontiguousarray(picture))
-    image.thumbnail((side_px, side_px), Image.Resampling.BOX)
-    colours = 256 if photograph else 64
-    image = image.quantize(colours, dither=Image.Dither.NONE)
+    classes = kind == "classes"
+    image.thumbnail(
+        (side_px, side_px), Image.Resampling.NEAREST if classes else Image.Resampling.BOX
+    )
+    if not classes:
+        image = image.quantize(256 if kind == "photograph" else 64, dither=Image.Dither.NONE)
     out = io.BytesIO()
     image.save(out, "PNG", optimize=True)
     return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode("ascii")

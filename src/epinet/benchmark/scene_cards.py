@@ -9,7 +9,7 @@ import numpy as np
 
 from epinet.benchmark import pictures
 from epinet.benchmark.evaluate import Evaluation, Method
-from epinet.benchmark.pictures import Rgb
+from epinet.benchmark.pictures import Kind, Rgb
 from epinet.benchmark.scenes import Scene
 from epinet.benchmark.table import score_text
 from epinet.metrics.general import badpix
@@ -41,7 +41,7 @@ def overview(evaluation: Evaluation) -> str:
             )
             cells.append(
                 f"<td>{_thumbnail(pictures.disparity_picture(map_, bounds), label)}</td>"
-                f"<td>{_thumbnail(bad, label)}</td>"
+                f"<td>{_thumbnail(bad, label, 'classes')}</td>"
             )
         rows.append(f"<tr>{''.join(cells)}</tr>")
     return (
@@ -82,7 +82,7 @@ def card(evaluation: Evaluation, scene: Scene) -> str:
     )
     centre = scene.centre_view()
     beside = [
-        "<span></span>" if centre is None else _picture(centre, "centre view", photograph=True),
+        "<span></span>" if centre is None else _picture(centre, "centre view", kind="photograph"),
         _picture(pictures.disparity_picture(scene.truth, (low, high)), "truth"),
     ]
     rows = [_row(evaluation, scene, method, (low, high)) for method in evaluation.methods]
@@ -120,12 +120,13 @@ def _row(evaluation: Evaluation, scene: Scene, method: Method, bounds: tuple[flo
     for threshold in THRESHOLDS_PX:
         picture = pictures.badpix_picture(map_, scene.truth, threshold, evaluation.border_px)
         metric = badpix(threshold)
-        cells.append(_picture(picture, f"{metric.name} {texts.get(metric.id, '')}"))
+        caption = f"{metric.name} {texts.get(metric.id, '')}"
+        cells.append(_picture(picture, caption, kind="classes"))
     return "".join(cells)
 
 
-def _picture(picture: Rgb, caption: str, *, method: str = "", photograph: bool = False) -> str:
-    uri = pictures.data_uri(picture, PICTURE_PX, photograph=photograph)
+def _picture(picture: Rgb, caption: str, *, method: str = "", kind: Kind = "map") -> str:
+    uri = pictures.data_uri(picture, PICTURE_PX, kind)
     text, name = escape(caption), escape(method)
     before = f'<b class="ours">{name}</b> ' if method else ""
     return (
@@ -134,8 +135,8 @@ def _picture(picture: Rgb, caption: str, *, method: str = "", photograph: bool =
     )
 
 
-def _thumbnail(picture: Rgb, label: str) -> str:
-    return f'<img src="{pictures.data_uri(picture, THUMBNAIL_PX)}" alt="{escape(label)}">'
+def _thumbnail(picture: Rgb, label: str, kind: Kind = "map") -> str:
+    return f'<img src="{pictures.data_uri(picture, THUMBNAIL_PX, kind)}" alt="{escape(label)}">'
 
 
 def _anchor(scene: Scene) -> str:

@@ -17,7 +17,7 @@ from epinet.camera import Camera
 from epinet.errors import InputError
 from epinet.io import hci, read_pfm
 from epinet.io.images import image_files, read_image, read_mask
-from epinet.io.names import is_shown
+from epinet.io.names import folder_name, is_shown
 from epinet.io.parameters import Parameters, read_parameters
 from epinet.io.problems import Problems, listed
 from epinet.io.truth import checked_truth
@@ -162,7 +162,7 @@ def scene_folders(folder: Path) -> dict[str, list[Path]]:
     for _ in range(FOLDERS_DEEP + 1):
         scenes = [path for path in level if _is_scene(path)]
         for path in scenes:
-            found.setdefault(path.resolve().name, []).append(path)
+            found.setdefault(folder_name(path), []).append(path)
         inside = [path for path in level if path not in scenes]
         entries = [p for path in inside for p in path.iterdir() if is_shown(p)]
         level = sorted(p for p in entries if p.is_dir())
@@ -201,17 +201,29 @@ def gather_scenes(
         problems: takes what is wrong.
     """
     scenes = []
-    for name in names or sorted(folders):
-        paths = folders.get(name, ())
-        if len(paths) == 1:
+    for name in dict.fromkeys(names or sorted(folders)):
+        if folders:
             with problems.gather():
-                scenes.append(read_scene(paths[0]))
-        elif paths:
-            both = " and ".join(str(path) for path in paths)
-            problems.append(f"{both}: scenes of one name; give the folder of one as --data")
-        elif folders:
-            problems.append(f"scene {name}: not there; there are {listed(sorted(folders))}")
+                scenes.append(read_scene(only_folder(folders, name)))
     return scenes
+
+
+def only_folder(folders: Mapping[str, Sequence[Path]], name: str) -> Path:
+    """The folder of a scene.
+
+    Args:
+        folders: by the scenes' names, see `scene_folders`.
+
+    Raises:
+        InputError: there is none of that name, or more than one.
+    """
+    paths = folders.get(name, ())
+    if not paths:
+        raise InputError(f"scene {name}: not there; there are {listed(sorted(folders))}")
+    if len(paths) > 1:
+        both = " and ".join(str(path) for path in paths)
+        raise InputError(f"{both}: scenes of one name; give the folder of one as --data")
+    return paths[0]
 
 
 def read_scene(folder: Path) -> Scene:
@@ -237,7 +249,7 @@ def read_scene(folder: Path) -> Scene:
     problems.raise_any()
     assert truth is not None
     views = parameters.side or _BENCHMARK_VIEWS
-    scene = Scene(folder.resolve().name, folder, truth, parameters.camera, views)
+    scene = Scene(folder_name(folder), folder, truth, parameters.camera, views)
     if scene.has_high_resolution:
         scene.truth_of("high")
     return scene

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
@@ -9,7 +10,7 @@ from epinet.benchmark.evaluate import Evaluation
 from epinet.benchmark.published import METRICS, PUBLISHED
 from epinet.benchmark.scenes import BENCHMARK_SCENES, BENCHMARK_SIDE_PX
 from epinet.metrics.disparity import BORDER_PX
-from epinet.metrics.general import RUNTIME
+from epinet.metrics.general import OF_ESTIMATES, RUNTIME
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Ranking:
     scenes: tuple[str, ...]
     """Over which the mean is taken."""
     rows: tuple[Row, ...]
+    unranked: tuple[str, ...] = ()
+    """Methods without an estimate of all pixels, by a metric that passes over those."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,10 @@ def ranking(evaluation: Evaluation, metric: str) -> Ranking | None:
     common = common_scenes(evaluation)
     scenes = common or tuple(scene.name for scene in evaluation.scenes)
     found: list[tuple[str, bool, tuple[float | None, ...], float]] = []
+    unranked = unranked_methods(evaluation, metric, scenes)
     for method in evaluation.methods:
+        if method.name in unranked:
+            continue
         values = [evaluation.scores[method.name, scene, metric].value for scene in scenes]
         known = [value for value in values if value is not None]
         if len(known) == len(scenes):
@@ -100,7 +106,22 @@ def ranking(evaluation: Evaluation, metric: str) -> Ranking | None:
         Row(name, ours, values, mean, 1 + sum(other < mean for other in means))
         for name, ours, values, mean in found
     ]
-    return Ranking(metric, scenes, tuple(sorted(rows, key=lambda row: row.mean)))
+    return Ranking(metric, scenes, tuple(sorted(rows, key=lambda row: row.mean)), unranked)
+
+
+def unranked_methods(
+    evaluation: Evaluation, metric: str, scenes: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Methods that lack estimates which the metric passes over: what is left may be the easy part.
+
+    Args:
+        metric: its id.
+        scenes: names of those that count; none means all.
+    """
+    if metric not in {of_estimates.id for of_estimates in OF_ESTIMATES}:
+        return ()
+    counted = [s for s in evaluation.scenes if not scenes or s.name in scenes]
+    return tuple(m.name for m in evaluation.methods if not evaluation.is_complete(m, counted))
 
 
 def rankings(evaluation: Evaluation) -> list[Ranking]:

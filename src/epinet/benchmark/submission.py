@@ -40,6 +40,7 @@ _MADE_AT = (1980, 1, 1, 0, 0, 0)
 _THREE_LINES = re.compile(rb"P[Ff][ \t\r]*\n\d+ \d+[ \t\r]*\n[^\s]+[ \t\r]*\n")
 """A header as the site reads it."""
 
+_FOLDERS = (MAPS_FOLDER, RUNTIMES_FOLDER)
 _WANTED = {
     f"{folder}/{name}{suffix}"
     for folder, suffix in ((MAPS_FOLDER, ".pfm"), (RUNTIMES_FOLDER, ".txt"))
@@ -63,7 +64,7 @@ def write_submission(path: Path, maps: Mapping[str, MapFile]) -> None:
                 pfm = Path(folder) / f"{name}.pfm"
                 write_pfm(pfm, maps[name].read(SIZE))
                 _add(archive, f"{MAPS_FOLDER}/{name}.pfm", pfm.read_bytes())
-                seconds = f"{maps[name].seconds:.10f}\n"
+                seconds = f"{maps[name].seconds:.10g}\n"
                 _add(archive, f"{RUNTIMES_FOLDER}/{name}.txt", seconds.encode("ascii"))
         check_submission(temporary)
 
@@ -78,6 +79,11 @@ def check_submission(path: Path) -> None:
     with parsing(path, "a zip"), zipfile.ZipFile(path) as archive:
         entries = [entry for entry in archive.infolist() if not entry.is_dir()]
         problems += _wrong_names([entry.filename for entry in entries], path)
+        problems += [
+            f"{path}: {entry.filename}: a folder that does not belong in a submission"
+            for entry in archive.infolist()
+            if entry.is_dir() and PurePosixPath(entry.filename).name not in _FOLDERS
+        ]
         for entry in entries:
             meant = _meant(entry.filename)
             if meant:

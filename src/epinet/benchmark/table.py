@@ -11,13 +11,14 @@ from typing import Any
 
 from epinet import __version__
 from epinet.benchmark.evaluate import Evaluation, Method, Score
-from epinet.metrics.general import RUNTIME
 from epinet.metrics.metric import Metric
 
 COLUMNS = 9
 """Metrics side by side; more go into a table below."""
 OTHER_TRUTH = "*"
 """Marks a score whose truth is of another resolution than the benchmark's."""
+HIGH_TRUTH = "^"
+"""Marks a score whose truth is of the high resolution."""
 ABSENT = "-"
 
 
@@ -50,19 +51,31 @@ def text_tables(evaluation: Evaluation) -> str:
     remark = (
         f"Border left out: {evaluation.border_px} px. Lower is better. {truths_used(evaluation)}"
     )
-    return "\n\n".join([*tables, remark])
+    return "\n\n".join([*tables, f"{remark}{partial_means(evaluation)}"])
+
+
+def partial_means(evaluation: Evaluation) -> str:
+    """What a number behind a mean says; nothing where there is none."""
+    means = [
+        evaluation.mean(m, metric) for m in evaluation.methods for metric in evaluation.metrics
+    ]
+    number = len(evaluation.scenes)
+    if all(count in (0, number) for _, count in means):
+        return ""
+    return f" A mean with a number, as in 1.00 (2), is over so many of the {number} scenes."
 
 
 def truths_used(evaluation: Evaluation) -> str:
     """Which truth the scores stand against, in words."""
     known = [
         score
-        for (*_, metric), score in evaluation.scores.items()
-        if score.value is not None and metric != RUNTIME.id
+        for score in evaluation.scores.values()
+        if score.value is not None and score.truth is not None
     ]
     high = sum(score.truth == "high" for score in known)
     text = (
-        f"{high} of the {len(known)} scores are against truth of high resolution."
+        f"{high} of the {len(known)} scores, marked {HIGH_TRUTH}, are against truth of high "
+        "resolution."
         if high
         else "All scores are against truth of low resolution."
     )
@@ -121,13 +134,23 @@ def _rows(evaluation: Evaluation, metrics: Sequence[Metric]) -> list[tuple[str, 
                 rows.append((scene.name, method.name, *map(_marked, scores)))
     if len({scene for scene, *_ in rows}) > 1:
         for method in evaluation.methods:
-            means = [evaluation.mean(method, metric)[0] for metric in metrics]
-            rows.append(("mean", method.name, *map(score_text, means)))
+            means = [mean_text(evaluation, method, metric) for metric in metrics]
+            rows.append(("mean", method.name, *means))
     return rows
 
 
+def mean_text(evaluation: Evaluation, method: Method, metric: Metric) -> str:
+    """A mean over scenes, marked where it is not over all or not against the site's truth."""
+    mean, count = evaluation.mean(method, metric)
+    mark = "" if mean is None or evaluation.is_official(method, metric) else OTHER_TRUTH
+    over = "" if count in (0, len(evaluation.scenes)) else f" ({count})"
+    return score_text(mean) + mark + over
+
+
 def _marked(score: Score) -> str:
-    mark = "" if score.official or score.value is None else OTHER_TRUTH
+    if score.value is None:
+        return ABSENT
+    mark = HIGH_TRUTH if score.truth == "high" else "" if score.official else OTHER_TRUTH
     return score_text(score.value) + mark
 
 
@@ -150,7 +173,7 @@ def _document(evaluation: Evaluation) -> dict[str, Any]:
         entry: dict[str, Any] = {"value": score.value}
         if score.value is None:
             entry["absent"] = score.absent
-        elif metric != RUNTIME.id:
+        elif score.truth is not None:
             entry |= {"truth": score.truth, "truth_as_on_the_site": score.official}
         scores.setdefault(method, {}).setdefault(scene, {})[metric] = entry
     return {

@@ -56,13 +56,15 @@ def evaluate(
     from epinet.io.problems import Problems
     from epinet.metrics.catalogue import benchmark_metrics
     from epinet.metrics.disparity import BADPIX_THRESHOLDS_PX
+    from epinet.metrics.metric import Metric
 
     keep_freed_memory()
     problems = Problems()
+    metrics: tuple[Metric, ...] = ()
     with problems.gather():
         metrics = benchmark_metrics(badpix or BADPIX_THRESHOLDS_PX)
     with problems.gather():
-        prepared = prepare(methods, data, scene or (), border_px=border, device=device)
+        prepared = prepare(methods, data, scene or (), metrics, border_px=border, device=device)
     problems.raise_any()
     if output is not None:
         check_writable(output)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -16,6 +17,11 @@ _OF_WINDOWS = frozenset({"thumbs.db", "desktop.ini"})
 def is_shown(path: Path) -> bool:
     """Whether it is a file that people see, not one that a system keeps beside theirs."""
     return not path.name.startswith(".") and path.name.lower() not in _OF_WINDOWS
+
+
+def folder_name(folder: Path) -> str:
+    """What a folder is called where it stands: `.` has a name, too, and a link keeps its own."""
+    return Path(os.path.normpath(folder.absolute())).name
 
 
 def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:

@@ -35,7 +35,7 @@ def benchmark_metrics(
             [f"BadPix({t:g}): the threshold must be a positive number" for t in useless]
         )
     return (
-        *(badpix(threshold) for threshold in dict.fromkeys(thresholds_px)),
+        *{metric.id: metric for metric in map(badpix, thresholds_px)}.values(),
         *(MSE, Q25, RMSE, MAE, MISSING, RUNTIME),
         *(DISCONTINUITIES, FINE_FATTENING, FINE_THINNING),
         *BUMPINESS,

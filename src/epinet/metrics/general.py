@@ -85,3 +85,5 @@ RUNTIME = Metric(
     definition="Run time as stated by the method.",
     compute=lambda comparison: nan if comparison.seconds is None else comparison.seconds,
 )
+OF_ESTIMATES = (MSE, Q25, RMSE, MAE)
+"""Those that pass over pixels without an estimate."""
