@@ -57,7 +57,7 @@ TABLES = """## The paper's tables
 
     python -m benchmarks.paper_tables streams --budget minutes     # table 1, figure 3
     python -m benchmarks.paper_tables views --budget minutes       # table 2
-    python -m benchmarks.paper_tables wide --budget minutes        # table 3
+    python -m benchmarks.paper_tables wide                         # table 3
     python -m benchmarks.paper_tables ensemble SCENES...           # Epinet-fcn and -fcn-m
     python -m benchmarks.paper_tables capture lightfields/lytro_2067   # figure 11
 
@@ -98,7 +98,7 @@ def peers() -> Iterator[str]:
 
 def paper_tables() -> Iterator[str]:
     yield TABLES
-    for name in ("minutes/streams", "minutes/views", "minutes/wide", "ensemble", "capture"):
+    for name in ("minutes/streams", "minutes/views", "wide", "ensemble", "capture"):
         file = RESULTS / "paper_tables" / f"{name}.md"
         if file.exists():
             yield file.read_text().rstrip()

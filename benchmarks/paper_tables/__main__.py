@@ -2,7 +2,7 @@
 
     python -m benchmarks.paper_tables streams --budget minutes     # table 1 and figure 3
     python -m benchmarks.paper_tables views --budget minutes       # table 2
-    python -m benchmarks.paper_tables wide --budget minutes        # table 3
+    python -m benchmarks.paper_tables wide                         # table 3
     python -m benchmarks.paper_tables ensemble SCENES...           # Epinet-fcn and -fcn-m
     python -m benchmarks.paper_tables capture lightfields/lytro_2067   # figure 11
 
@@ -32,14 +32,15 @@ def arguments() -> argparse.Namespace:
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument("--results", type=Path, default=RESULTS, help="runs and tables")
     shared.add_argument("--machine", default=platform.processor() or platform.machine())
-    budgeted = argparse.ArgumentParser(add_help=False)
-    budgeted.add_argument("--budget", choices=trained.BUDGETS, default="minutes")
-    budgeted.add_argument(
+    lasting = argparse.ArgumentParser(add_help=False)
+    lasting.add_argument(
         "--runs", type=Path, default=Path("out/paper_tables"), help="checkpoints and scenes"
     )
     tables = parser.add_subparsers(dest="table", required=True)
-    for name in ("streams", "views", "wide"):
-        tables.add_parser(name, parents=[shared, budgeted])
+    for name in ("streams", "views"):
+        training = tables.add_parser(name, parents=[shared, lasting])
+        training.add_argument("--budget", choices=trained.BUDGETS, default="minutes")
+    tables.add_parser("wide", parents=[shared, lasting])
     ensemble = tables.add_parser("ensemble", parents=[shared])
     ensemble.add_argument("scenes", type=Path, nargs="+", help="scenes with truth, or folders")
     capture = tables.add_parser("capture", parents=[shared])
@@ -54,12 +55,10 @@ def made(args: argparse.Namespace) -> tuple[Path, Table]:
         return results, predictions.ensemble(results, args.scenes, args.machine)
     if args.table == "capture":
         return results, predictions.capture(results, args.light_field, args.machine)
-    results, runs = results / args.budget, args.runs / args.budget
-    budget = trained.BUDGETS[args.budget]
     if args.table == "wide":
-        count = budget.wide_scenes
-        return results, predictions.wide(results, runs, count, args.machine)
-    trainings = trained.Trainings(budget, results, runs, args.machine)
+        return results, predictions.wide(results, args.runs, args.machine)
+    results, runs = results / args.budget, args.runs / args.budget
+    trainings = trained.Trainings(trained.BUDGETS[args.budget], results, runs, args.machine)
     return results, getattr(trained, args.table)(trainings)
 
 

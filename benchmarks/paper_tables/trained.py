@@ -54,7 +54,6 @@ class Budget:
     """Scenes rendered once to train on; None: new ones all the time, as the recipe says."""
     side_px: int = 512
     validation_scenes: int = 16
-    wide_scenes: int = 50
 
 
 BUDGETS = {
@@ -74,7 +73,6 @@ BUDGETS = {
         scenes=8,
         side_px=128,
         validation_scenes=4,
-        wide_scenes=4,
     ),
     "hours": Budget(
         "Meant for a night on a GPU.",
