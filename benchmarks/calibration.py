@@ -36,16 +36,14 @@ def pixels(folder: Path) -> tuple[NDArray[np.float64], ...]:
     confidences, expected, errors = [], [], []
     for path in find_light_fields([folder]):
         lf = epinet.read_light_field(path)
-        assert lf.truth is not None
+        truth = lf.reliable_truth
+        assert truth is not None
         result = model.predict(lf)
-        usable = np.isfinite(lf.truth)
-        if "invalid" in lf.masks:
-            usable &= ~lf.masks["invalid"]
-        chosen = usable[inner]
+        chosen = np.isfinite(truth[inner])
         confidences.append(result.confidence[inner][chosen])
         assert result.expected_error is not None
         expected.append(result.expected_error[inner][chosen])
-        errors.append(np.abs(result.disparity - lf.truth)[inner][chosen])
+        errors.append(np.abs(result.disparity - truth)[inner][chosen])
         print(path.name, flush=True)
     return tuple(np.concatenate(each).astype(float) for each in (confidences, expected, errors))
 

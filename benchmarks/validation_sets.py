@@ -45,10 +45,8 @@ def scores_of(
 ) -> dict[str, float]:
     """Scores of one scene; its map goes into `maps`."""
     lf = read_light_field(folder)
-    assert lf.truth is not None
-    truth = lf.truth.copy()
-    if not mirrors and "invalid" in lf.masks:
-        truth[lf.masks["invalid"]] = np.nan
+    truth = lf.truth if mirrors else lf.reliable_truth
+    assert truth is not None
     disparity = model.predict(lf, scale=scale).disparity
     if maps is not None:
         maps[folder.name] = disparity

@@ -178,6 +178,13 @@ class LightField:
             grid_step=self.grid_step * step,
         )
 
+    @property
+    def reliable_truth(self) -> NDArray[np.float32] | None:
+        """(H, W) truth, NaN where the mask "invalid" says that the views show something else."""
+        if self.truth is None or "invalid" not in self.masks:
+            return self.truth
+        return np.where(self.masks["invalid"], np.float32(np.nan), self.truth)
+
     def reordered(
         self, *, flip_rows: bool = False, flip_cols: bool = False, transpose: bool = False
     ) -> LightField:

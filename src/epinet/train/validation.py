@@ -59,7 +59,7 @@ class Validation:
             options = Options(
                 size=(SIDE_PX, SIDE_PX), disparity_px=(low, high), views=views, held_out=True
             )
-            lf = _judged(render_scene(options, VALIDATION_SEED, k, star_only=True))
+            lf = _reliable(render_scene(options, VALIDATION_SEED, k, star_only=True))
             if 1 - _known(lf) <= MOST_LEFT_OUT:
                 scenes[f"rendered_{k:02d}"] = lf
         return cls(scenes)
@@ -83,7 +83,7 @@ class Validation:
         scenes = {}
         for folder in folders:
             with problems.gather():
-                lf = _judged(read_light_field(folder).central(views))
+                lf = _reliable(read_light_field(folder).central(views))
                 if not _known(lf):
                     raise InputError(
                         f"{folder}: no truth to validate with inside the border of {BORDER_PX} px"
@@ -107,11 +107,8 @@ class Validation:
             return {name: estimator.predict(lf, refine=False) for name, lf in self.scenes.items()}
 
 
-def _judged(lf: LightField) -> LightField:
-    """The light field without truth where a mirror or a pane shows other things."""
-    if lf.truth is None or "invalid" not in lf.masks:
-        return lf
-    return replace(lf, truth=np.where(lf.masks["invalid"], np.float32(np.nan), lf.truth))
+def _reliable(lf: LightField) -> LightField:
+    return replace(lf, truth=lf.reliable_truth)
 
 
 def _known(lf: LightField) -> float:
