@@ -6,7 +6,8 @@
 Renders 16 scenes to train on (as many as the paper has) and validates on small rendered ones of
 held-out kinds. Each recipe trains for the same CPU time of one thread, which other work on the
 machine hardly changes; ours, whose rate falls to zero, is told how many steps that is by timing a
-few first. Also writes the curves as a picture beside the JSON.
+few first. Both compute in float32, since bf16 is faster on some machines only. Also writes the
+curves as a picture beside the JSON.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ VALIDATIONS = 12
 
 def trained(name: str, data: Path, minutes: float, folder: Path, held_out: Validation) -> Run:
     """A run of about so many minutes, validations left out."""
-    sources: dict[str, Any] = {"data": [{"folder": str(data)}]}
-    recipe = load_recipe(name, sources)
+    same: dict[str, Any] = {"data": [{"folder": str(data)}], "bf16": False}
+    recipe = load_recipe(name, same)
     with TemporaryDirectory() as trial:
         run = Run(recipe, Path(trial), validation=held_out, say=lambda line: None)
         run._train_step()  # first calls are slow
@@ -49,7 +50,7 @@ def trained(name: str, data: Path, minutes: float, folder: Path, held_out: Valid
         per_step_s = (time.process_time() - begun) / TIMED_STEPS
     steps = max(VALIDATIONS, round(60 * minutes / per_step_s))
     changes = {"steps": steps, "validate_every": steps // VALIDATIONS}
-    run = Run(load_recipe(name, sources | changes), folder / name, validation=held_out)
+    run = Run(load_recipe(name, same | changes), folder / name, validation=held_out)
     run.clock = time.process_time
     run.train()
     return run
