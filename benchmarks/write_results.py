@@ -65,7 +65,6 @@ def weights() -> Iterator[str]:
         scores = report["weights"][name]["scores"]
         rows.append([*cells, str(about["steps"]), f"{about['minutes']:.0f}", *scored(scores)])
     yield table(["weights", "recipe", "scenes", "from", "steps", "minutes", *SCORES], rows)
-    draw_progress(RESULTS / "shipped_weights.png")
     yield (
         "How the 9x9 weights came about, run after run; where a line begins anew, the network had "
         "changed or learned with a high rate again. These runs, and so the scores in the weights' "
@@ -252,4 +251,5 @@ def page() -> str:
 
 
 if __name__ == "__main__":
+    draw_progress(RESULTS / "shipped_weights.png")
     PAGE.write_text(page())
