@@ -43,6 +43,13 @@ def test_scenes_that_cannot_score_are_named_before_training(scene, tmp_path):
     assert "unknown: no truth" in text and "black" in text and "(0, 0)" in text
 
 
+def test_a_scene_that_is_all_border_is_refused(tmp_path):
+    small = render_scene(Options(size=(30, 40), views=3, samples=1, held_out=True), 5, 0)
+    write_light_field(tmp_path / "small", small, "hci")
+    with pytest.raises(InputError, match="small: no truth to validate with"):
+        Validation.of_folders([tmp_path / "small"], views=3)
+
+
 def test_mirrors_do_not_count(scene, tmp_path):
     """Where a mirror shows something else, no network can know the truth."""
     mirror = np.zeros(scene.size, bool)

@@ -32,8 +32,8 @@ RENDERED = "rendered scenes held out"
 """What runs are validated on unless told otherwise."""
 
 
-MOST_LEFT_OUT = 0.5
-"""A rendered scene that is a mirror for the most part is passed over."""
+LEAST_KNOWN = 0.5
+"""A rendered scene with truth on less of its pixels, a mirror for the most part, is passed over."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Validation:
                 size=(SIDE_PX, SIDE_PX), disparity_px=(low, high), views=views, held_out=True
             )
             lf = _reliable(render_scene(options, VALIDATION_SEED, k, star_only=True))
-            if 1 - _known(lf) <= MOST_LEFT_OUT:
+            if _known(lf) >= LEAST_KNOWN:
                 scenes[f"rendered_{k:02d}"] = lf
         return cls(scenes)
 
@@ -112,9 +112,11 @@ def _reliable(lf: LightField) -> LightField:
 
 
 def _known(lf: LightField) -> float:
-    """Share of the pixels inside the benchmark's border that have truth."""
+    """Share of the pixels inside the benchmark's border that have truth; 0 where none is inside."""
+    if lf.truth is None or min(lf.size) <= 2 * BORDER_PX:
+        return 0.0
     inner = slice(BORDER_PX, -BORDER_PX)
-    return 0.0 if lf.truth is None else float(np.isfinite(lf.truth[inner, inner]).mean())
+    return float(np.isfinite(lf.truth[inner, inner]).mean())
 
 
 def mean_scores(results: dict[str, Result]) -> dict[str, float]:
