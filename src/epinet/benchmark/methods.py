@@ -172,7 +172,7 @@ def _check_pictures(scene: Scene, metrics: Sequence[Metric], problems: Problems)
         scene.centre_view()
     wanted: dict[Resolution, set[str]] = {}
     for metric in metrics:
-        if (resolution := scene.resolution(metric)) is not None:
+        if metric.masks and (resolution := scene.resolution(metric)) is not None:
             wanted.setdefault(resolution, set()).update(metric.masks)
     for resolution, names in wanted.items():
         with problems.gather():
