@@ -86,7 +86,7 @@ def draw_progress(path: Path) -> None:
             panel.plot(*zip(*points, strict=True), marker=".")
             before += run["minutes"]
         panel.set_title(model)
-        panel.set_xlabel(f"minutes on {'two cores' if len(of_model) > 1 else 'one core'}")
+        panel.set_xlabel("minutes of training")
         panel.set_ylabel("held-out BadPix(.07), %")
     figure.savefig(path)
 
