@@ -25,7 +25,7 @@ from epinet.synth.photographs import Photographs
 from epinet.synth.render import Lens, Offsets, render, truth, visible
 from epinet.synth.scenes import Scenes
 
-VERSION = "rays-7"
+VERSION = "rays-8"
 """Stored with every weight trained on these scenes; changes when they change."""
 
 SCENES_PER_BANK = 16

@@ -32,7 +32,7 @@ def draw_light(dice: Dice, count: int, depth_px: Tensor, focal_px: Tensor, shade
     at_0 = dice.uniform(0, SHADE_SIDE, count, 2, 1)
     return Light(
         direction=direction,
-        ambient=dice.uniform(0.35, 0.9, count),
+        ambient=dice.uniform(0.1, 0.9, count),
         depth_px=depth_px,
         focal_px=focal_px,
         shade=dice.integers(0, shades - 1, count),

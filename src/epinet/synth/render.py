@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -66,12 +65,12 @@ def _render(
     device = scenes.light.ambient.device
     total: Tensor | None = None
     seen: set[int] | None = None
-    for s in range(samples):
-        rim = None if radius is None else radius[:, None] * _lens_point(s, samples)
+    for s, within_px in enumerate(_pixel_points(samples)):
+        rim = None if radius is None else radius[:, None] * _lens_points(samples)[s]
         rays = pixel_rays(
             scenes.size,
             offsets,
-            _pixel_point(s),
+            within_px,
             None if rim is None else rim.to(device),
             None if shift_px is None else shift_px.to(device),
             device,
@@ -87,15 +86,23 @@ def _render(
     return (total / samples).movedim(-1, 2)
 
 
-def _pixel_point(s: int) -> tuple[float, float]:
-    """Point s of a sequence that fills the pixel evenly (the R2 sequence), from its centre."""
-    return (0.5 + 0.7548776662 * s) % 1 - 0.5, (0.5 + 0.5698402910 * s) % 1 - 0.5
+def _pixel_points(count: int) -> list[tuple[float, float]]:
+    """Points (y, x) that fill a pixel evenly in both directions, their mean its centre.
+
+    Truth is that of the centre: views that are seen from beside it would teach a network to find
+    edges beside where they are.
+    """
+    down = [(0.5 + 0.6180339887 * s) % 1 for s in range(count)]
+    mean = sum(down) / count
+    return [(y - mean, (s + 0.5) / count - 0.5) for s, y in enumerate(down)]
 
 
-def _lens_point(s: int, samples: int) -> Tensor:
-    """Point s of a sunflower in the unit disc."""
-    radius, angle = math.sqrt((s + 0.5) / samples), 2.39996323 * s
-    return torch.tensor([radius * math.sin(angle), radius * math.cos(angle)])
+def _lens_points(count: int) -> Tensor:
+    """Points (count, 2) of a sunflower in the unit disc, their mean its centre."""
+    s = torch.arange(count) + 0.5
+    radius, angle = (s / count).sqrt(), 2.39996323 * s
+    points = torch.stack([radius * angle.sin(), radius * angle.cos()], -1)
+    return points - points.mean(0)
 
 
 def truth(scenes: Scenes, offsets: Offsets = ((0, 0),)) -> tuple[Tensor, Tensor]:

@@ -19,7 +19,7 @@ from epinet.synth import silhouette_repeating as repeated
 from epinet.synth import silhouette_solid as solid
 from epinet.synth import silhouette_thin as slender
 from epinet.synth.dice import Dice
-from epinet.synth.tiles import Family, draw_mixed, edge, periodic_noise
+from epinet.synth.tiles import Family, draw_mixed, edge
 
 Kind = tuple[bool, bool]
 """(thin, repeating)"""
@@ -114,7 +114,7 @@ def draw_silhouettes(
 ) -> Tensor:
     """(n, side, side) uint8 alpha: 255 on the surface, 0 beside it.
 
-    Edges are hard or one texel wide; about one tile in 25 is translucent or has broad soft edges.
+    Edges are hard or one texel wide, those of one tile in 25 a few texels.
 
     Args:
         g: a generator on the CPU; the same state gives the same tiles, on every device.
@@ -145,17 +145,11 @@ def draw_silhouettes(
 
 def _alpha(dice: Dice, distance: Tensor) -> Tensor:
     """(n, H, W) 0..1 of signed distances in texels; 0 wherever those are -1 or less."""
-    n, side = distance.shape[:2]
+    n = len(distance)
     alpha = torch.where(dice.each_chance(n, 0.6), (distance > 0).float(), edge(distance))
-    kind = torch.rand(n, generator=dice.g)
-    soft, gauze = torch.nonzero(kind < 0.02)[:, 0], torch.nonzero(kind > 0.98)[:, 0]
+    soft = torch.nonzero(torch.rand(n, generator=dice.g) < 0.04)[:, 0]
     if len(soft):
-        own = soft.to(dice.device)
-        depth = distance[own]
-        width = dice.each(len(soft), 0.2, 1) * depth.amax((-2, -1), keepdim=True).clamp_min(1)
-        alpha[own] = (depth / width).clamp(0, 1)
-    if len(gauze):
-        own, m = gauze.to(dice.device), len(gauze)
-        veil = periodic_noise(dice, m, side, dice.each(m, 0, 2)) * dice.each(m, 0, 0.2)
-        alpha[own] = alpha[own] * (dice.each(m, 0.25, 0.8) + veil).clamp(0.1, 1)
+        depth = distance[soft.to(dice.device)]
+        width = dice.each(len(soft), 1, 5).minimum(depth.amax((-2, -1), keepdim=True))
+        alpha[soft.to(dice.device)] = (depth / width.clamp_min(1)).clamp(0, 1)
     return alpha
