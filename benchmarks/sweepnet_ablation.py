@@ -31,6 +31,7 @@ from epinet import read_light_field
 from epinet.metrics.disparity import score
 from epinet.model import checkpoint, matching, sweepnet
 from epinet.predict.estimator import Estimator
+from epinet.synth.generator import VERSION
 from epinet.synth.validation import validation_folder
 from epinet.train import losses, recipe
 from epinet.train.recipe_files import load_recipe
@@ -60,14 +61,16 @@ def _whole_directions() -> None:
 
     least_squares = matching.Views.least_squares
 
-    def mixed_squares(self: matching.Views, *args: Any) -> tuple[list[Tensor], Tensor, Tensor]:
-        residuals, slopes, matches = least_squares(self, *args)
-        eight = torch.cat(residuals, 1).unflatten(1, (4, 2, -1)).mean(2, keepdim=True)
+    def mixed_squares(
+        self: matching.Views, *args: Any, **options: Any
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        residuals, slopes, matches = least_squares(self, *args, **options)
+        eight = residuals.unflatten(1, (4, 2, -1)).mean(2, keepdim=True)
         slopes, matches = (
             t.unflatten(1, (4, 2)).mean(2, keepdim=True).expand(-1, -1, 2, -1, -1).flatten(1, 2)
             for t in (slopes, matches)
         )
-        return [eight.expand(-1, -1, 2, -1, -1, -1).flatten(1, 3)], slopes, matches
+        return eight.expand(-1, -1, 2, -1, -1, -1).flatten(1, 3), slopes, matches
 
     matching.Views.costs = mixed  # type: ignore[method-assign]
     matching.Views.least_squares = mixed_squares  # type: ignore[method-assign,assignment]
@@ -92,11 +95,13 @@ def _without(skipped: int) -> Callable[[], None]:
         forward = sweepnet._Refine.forward
         expected = torch.zeros(1, 1, 1, 1)
 
-        def skipping(self: sweepnet._Refine, views: Any, disparity: Tensor, *args: Any) -> Any:
+        def skipping(
+            self: sweepnet._Refine, views: Any, disparity: Tensor, *args: Any, **options: Any
+        ) -> Any:
             nonlocal expected
             if self.place == skipped:
                 return disparity, F.interpolate(expected, disparity.shape[-2:])
-            disparity, expected = forward(self, views, disparity, *args)
+            disparity, expected = forward(self, views, disparity, *args, **options)
             return disparity, expected
 
         class Skipping(sweepnet.SweepNet):
@@ -150,6 +155,11 @@ def _one_window() -> None:
     sweepnet.BOXES_PX = (5,) * len(sweepnet.BOXES_PX)
 
 
+def _linear() -> None:
+    sampled = matching.sampled
+    matching.sampled = lambda *args, cubic=False, **options: sampled(*args, **options)
+
+
 def _no_context() -> None:
     forward = sweepnet._Fill.forward
 
@@ -181,6 +191,7 @@ VARIANTS = {
     "rounds": Variant("the second round of both refinements", patch=_shaped(_once)),
     "windows": Variant("choice among windows of least squares: all 5 px", patch=_one_window),
     "neighbours": Variant("choice among neighbours", patch=_no_neighbours),
+    "cubic": Variant("cubic interpolation in the last round", patch=_linear),
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
     "classes": Variant("the classification of hypotheses in the loss", patch=_no_classes),
     "alike": Variant("weights by what the views tell: all pixels alike", {"least_weight": 1.0}),
@@ -231,11 +242,16 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--machine", default=platform.processor() or platform.machine())
     args = parser.parse_args()
-    report: dict[str, Any] = {"machine": args.machine, "steps": args.steps, "variants": {}}
+    report: dict[str, Any] = {
+        "machine": args.machine,
+        "steps": args.steps,
+        "generator": VERSION,
+        "variants": {},
+    }
     if args.output.exists():
         saved = json.loads(args.output.read_text())
-        if saved["steps"] != args.steps:
-            parser.error(f"{args.output}: holds runs of {saved['steps']} steps; name another file")
+        if any(saved.get(key) != report[key] for key in ("steps", "generator")):
+            parser.error(f"{args.output}: of other scenes or steps; name another file")
         report["variants"] = saved["variants"]
     missing = [name for name in args.only if name not in report["variants"]]
     spawning = multiprocessing.get_context("spawn")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import torch
 from torch import Tensor
@@ -78,54 +79,57 @@ class Views:
 
     def costs(self, disparities: Sequence[float]) -> Tensor:
         """(B, D, PARTS, H, W) mean differences to the centre view under whole planes."""
-        planes = []
-        for d in disparities:
-            parts: list[Tensor] = []
-            for row, col, views in self.arms:
+        planes = self.gray.new_empty(len(self.gray), len(disparities), PARTS, *self.gray.shape[2:])
+        for plane, d in zip(planes.unbind(1), disparities, strict=True):
+            for (row, col, views), into in zip(self.arms, plane.chunk(len(ARMS), 1), strict=True):
                 moved = [
                     shifted(views[:, k], -d * o * row, -d * o * col)
                     for k, o in enumerate(self.offsets)
                 ]
-                parts += self._parts(torch.stack(moved, 1) - self.gray)
-            planes.append(torch.cat(parts, 1))
-        return torch.stack(planes, 1)
+                self._measure(torch.stack(moved, 1) - self.gray, into)
+        return planes
 
     def least_squares(
-        self, disparity: Tensor, spread_px: float
-    ) -> tuple[list[Tensor], Tensor, Tensor]:
+        self, disparity: Tensor, spread_px: float, *, cubic: bool = False
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Of views moved by an estimate (B, 1, H, W).
 
         Args:
-            disparity: the estimate.
+            disparity: the estimate; no gradient flows back to it.
             spread_px: how much nearer and farther the views are moved, too.
+            cubic: move them by cubic interpolation, for which edges and fine texture stay sharp.
 
         Returns:
-            3 * PARTS residuals (B, 1, H, W), arm by arm, at the estimate, nearer and farther; and
+            residuals (B, 3 * PARTS, H, W), arm by arm, at the estimate, nearer and farther; and
             of each arm (B, 8, H, W) sums of residual times slope and of slope squared, so that the
             step which its views ask for is their quotient.
         """
         estimates = [disparity, disparity + spread_px, disparity - spread_px]
-        residuals: list[Tensor] = []
+        residuals = self.gray.new_empty(len(self.gray), 3 * PARTS, *self.gray.shape[2:])
         slopes, matches = [], []
-        for row, col, views in self.arms:
+        for (row, col, views), of_arm in zip(self.arms, residuals.chunk(len(ARMS), 1), strict=True):
             moves = [(o * row, o * col) for o in self.offsets]
-            differences = [sampled(views, d, moves) - self.gray for d in estimates]
-            for r in differences:
-                residuals += self._parts(r)
-            at, near, far = differences
+            at, near, far = (sampled(views, d, moves, cubic=cubic) - self.gray for d in estimates)
+            for differences, into in zip((at, near, far), of_arm.chunk(3, 1), strict=True):
+                self._measure(differences, into)
             at, slope = at / self.unit, (near - far) / (2 * spread_px * self.unit)
             slopes.append(-(at * slope).mean(1, keepdim=True))
             matches.append((slope * slope).mean(1, keepdim=True))
         return residuals, torch.cat(slopes, 1), torch.cat(matches, 1)
 
-    def _parts(self, differences: Tensor) -> list[Tensor]:
-        """Inner and outer mean (B, 1, H, W) of an arm's differences, in 0..1."""
+    def _measure(self, differences: Tensor, into: Tensor) -> None:
+        """Inner and outer mean of an arm's differences (B, P, H, W), in 0..1, in each unit.
+
+        They are written to (B, 4, H, W): gathering them later would copy the largest tensor of all.
+        """
         sizes = differences.abs()
-        parts = []
-        for seen in (sizes[:, : self.inner], sizes[:, min(self.inner, sizes.shape[1] - 1) :]):
+        outer = min(self.inner, sizes.shape[1] - 1)
+        for seen, written in zip(
+            (sizes[:, : self.inner], sizes[:, outer:]), into.chunk(2, 1), strict=True
+        ):
             mean = seen.mean(1, keepdim=True)
-            parts += [mean / (mean + unit) for unit in self.units]
-        return parts
+            for unit, place in zip(self.units, written.chunk(2, 1), strict=True):
+                torch.div(mean, mean + unit, out=place)
 
 
 def gathered(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:
@@ -191,32 +195,45 @@ def _along(images: Tensor, axis: int, by: float) -> Tensor:
 
 
 def sampled(
-    views: Tensor, disparity: Tensor, moves: Sequence[tuple[float, float]], top: int = 0
+    views: Tensor,
+    disparity: Tensor,
+    moves: Sequence[tuple[float, float]],
+    top: int = 0,
+    *,
+    cubic: bool = False,
 ) -> Tensor:
-    """Views (B, P, H, W) where they show the centre view's points, bilinear; the border repeats.
+    """Views (B, P, H, W) where they show the centre view's points; the border repeats.
 
     Args:
         disparity: (B, 1, R, W) of the centre view's rows from `top` on, px per unit of `moves`.
         moves: (rows, columns) of the views from the centre view. A view at (r, c) shows the point
             of (x, y) at (x - c d, y - r d).
+        cubic: interpolate so; else linearly.
 
     Returns:
         (B, P, R, W).
     """
     b, p, h, w = views.shape
     rows = disparity.shape[-2]
-    y = torch.arange(top, top + rows, device=views.device, dtype=views.dtype)
-    x = torch.arange(w, device=views.device, dtype=views.dtype)
-    places = torch.stack(
-        torch.meshgrid((2 * x + 1) / w - 1, (2 * y + 1) / h - 1, indexing="xy"), -1
-    )
+    places = _places(h, w, views.device, views.dtype)[top : top + rows]
     by = [(2 * col / w, 2 * row / h) for row, col in moves]
     by_px = torch.tensor(by, dtype=views.dtype, device=views.device).view(1, p, 1, 1, 2)
     grid = torch.addcmul(places, disparity[..., None], by_px, value=-1)
     seen = F.grid_sample(
         views.reshape(b * p, 1, h, w),
         grid.flatten(0, 1),
+        mode="bicubic" if cubic else "bilinear",
         padding_mode="border",
         align_corners=False,
     )
     return seen.view(b, p, rows, w)
+
+
+@lru_cache(maxsize=4)
+def _places(height: int, width: int, device: torch.device, dtype: torch.dtype) -> Tensor:
+    """(H, W, 2) of the pixels, x and y from -1 to 1 between the borders: most calls ask again."""
+    with torch.inference_mode(False):  # training may ask for them, too
+        y = torch.arange(height, device=device, dtype=dtype)
+        x = torch.arange(width, device=device, dtype=dtype)
+        across, down = (2 * x + 1) / width - 1, (2 * y + 1) / height - 1
+        return torch.stack(torch.meshgrid(across, down, indexing="xy"), -1)

@@ -29,6 +29,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from epinet.model.channels_last import pointwise, softmax
 from epinet.model.matching import ARMS, GATHERED, OUTERMOST, PARTS, Views, enlarged, gathered
 from epinet.squares import box_mean
 
@@ -139,14 +140,13 @@ class _Sweep(nn.Module):
         own, before, after = zip(
             self.first.weight.chunk(3), _bias(self.first).chunk(3), strict=True
         )
-        # In the layout of the convolutions, once for all three; these one after the other, for
-        # the sake of memory.
-        costs = cost.flatten(0, 1).contiguous(memory_format=torch.channels_last)
-        x = F.conv2d(costs, *own)
+        # One after the other, for the sake of memory.
+        costs = [cost.flatten(0, 1)]
+        x = pointwise(costs, *own)
         planes = x.view(b, count, *x.shape[1:])
         planes += self.shared(seen)[:, None]
-        planes[:, 1:] += F.conv2d(costs, *before).view_as(planes)[:, :-1]
-        planes[:, :-1] += F.conv2d(costs, *after).view_as(planes)[:, 1:]
+        planes[:, 1:] += pointwise(costs, *before).view_as(planes)[:, :-1]
+        planes[:, :-1] += pointwise(costs, *after).view_as(planes)[:, 1:]
         return planes
 
     def forward(self, planes: Tensor) -> Tensor:
@@ -196,19 +196,22 @@ class _Refine(nn.Module):
         with torch.no_grad():
             _bias(self.out)[sum(self.parts[:-1]) + config.side**2 // 2] = KEPT
 
-    def forward(self, views: Views, disparity: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(
+        self, views: Views, disparity: Tensor, context: Tensor, cubic: bool = False
+    ) -> tuple[Tensor, Tensor]:
         """The map (B, 1, H, W) refined once, and the logarithm of its expected error."""
         disparity = disparity.detach()
         spread_px = self.config.spread_px
-        residuals, slopes, matches = views.least_squares(disparity, spread_px)
+        residuals, slopes, matches = views.least_squares(disparity, spread_px, cubic=cubic)
         step = (slopes / (matches + 1e-4) / spread_px).clamp(-2, 2)
         told = 0.3 * torch.log(matches * spread_px**2 + 1e-5) + 2
         bumps = [bump / spread_px for bump in _bumps(disparity)]
-        x = torch.cat([*residuals, step, told, views.centre, *bumps, context], 1)
-        del residuals  # they are large
-        out = self.out(F.relu(self.body(_pointwise(x, self.first)))).float()
+        seen = [residuals, torch.cat([step, told, views.centre, *bumps, context], 1)]
+        x = pointwise(seen, self.first.weight, _bias(self.first))
+        del seen, residuals  # they are large
+        out = self.out(F.relu(self.body(x))).float()
         weights, choice, more, log_error, kept = out.split(self.parts, 1)
-        weights, choice = weights.clamp(-8, 8).exp(), choice.softmax(1)
+        weights, choice = weights.clamp(-8, 8).exp(), softmax(choice)
         slope, match = ((weights * t).sum(1, keepdim=True) for t in (slopes, matches))
         disparity = disparity + spread_px * more
         for k, box in enumerate(BOXES_PX):
@@ -217,7 +220,7 @@ class _Refine(nn.Module):
                 -2 * spread_px, 2 * spread_px
             )
         around = _neighbours(disparity, self.config.side, self.config.apart_px)
-        disparity = (kept.softmax(1) * around).sum(1, keepdim=True)
+        disparity = (softmax(kept) * around).sum(1, keepdim=True)
         return disparity, log_error + math.log(spread_px)
 
 
@@ -273,7 +276,10 @@ class SweepNet(nn.Module):
         side = 2 ** (levels + 1)
         pad = (0, -width % side, 0, -height % side)
         padded = F.pad(stacks.flatten(1, 2), pad, mode="replicate")
-        pyramid = [_stacks(F.avg_pool2d(padded, 2**k), stacks.shape[2]) for k in range(levels + 2)]
+        pyramid = [
+            _stacks(F.avg_pool2d(padded, 2**k) if k else padded, stacks.shape[2])
+            for k in range(levels + 2)
+        ]
 
         half = Views(pyramid[-1])
         with torch.no_grad():
@@ -297,8 +303,9 @@ class SweepNet(nn.Module):
             context = enlarged(context)
             if level < levels:
                 disparity = 2 * enlarged(disparity)
-            for _ in range(self.config.full.rounds):
-                disparity, log_error = at_full(views, disparity, context)
+            for round_ in range(self.config.full.rounds):
+                last = round_ == self.config.full.rounds - 1
+                disparity, log_error = at_full(views, disparity, context, cubic=last)
                 if level == 0:
                     maps.append(disparity)
         maps = [per_unit * m[..., :height, :width] for m in maps]
@@ -345,12 +352,6 @@ def _enlarged_by(disparity: Tensor, weights: Tensor) -> Tensor:
     padded = F.pad(disparity, (1,) * 4, mode="replicate")
     around = F.unfold(padded, 3).view(b, 1, 9, 1, 1, h, w)
     return (shares * around).sum(2).permute(0, 1, 4, 2, 5, 3).reshape(b, 1, 2 * h, 2 * w)
-
-
-def _pointwise(x: Tensor, layer: nn.Conv2d) -> Tensor:
-    """A convolution of 1x1, its result in the layout of the next ones: this spares a large copy."""
-    flat = F.linear(x.flatten(2).transpose(1, 2), layer.weight.flatten(1), layer.bias)
-    return flat.transpose(1, 2).view(len(x), -1, *x.shape[-2:])
 
 
 def _bias(layer: nn.Conv2d) -> Tensor:
