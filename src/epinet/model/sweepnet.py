@@ -140,8 +140,9 @@ class _Sweep(nn.Module):
         own, before, after = zip(
             self.first.weight.chunk(3), _bias(self.first).chunk(3), strict=True
         )
-        # One after the other, for the sake of memory.
-        costs = [cost.flatten(0, 1)]
+        # In the layout of the convolutions, once for all three; these one after the other, for
+        # the sake of memory.
+        costs = [cost.flatten(0, 1).contiguous(memory_format=torch.channels_last)]
         x = pointwise(costs, *own)
         planes = x.view(b, count, *x.shape[1:])
         planes += self.shared(seen)[:, None]
