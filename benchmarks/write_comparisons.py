@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.paper_tables.predictions import WIDE_SEED
+from benchmarks.paper_tables.predictions import WIDE_SET
 from benchmarks.peers.keras_epinet import REQUIREMENT
 from benchmarks.peers.tables import markdown
 from epinet.synth.generator import VERSION
@@ -104,7 +104,7 @@ def paper_tables() -> Iterator[str]:
         file = RESULTS / "paper_tables" / f"{name}.md"
         if file.exists():
             yield file.read_text().rstrip()
-        if name == "wide" and not (file.parent / f"wide_{VERSION}_seed{WIDE_SEED}").exists():
+        if name == "wide" and not (file.parent / WIDE_SET).exists():
             yield (
                 f"This table is older than the scenes of {VERSION} and than the cubic "
                 "interpolation in SweepNet's last round: to be measured anew."

@@ -32,6 +32,7 @@ from epinet.synth.options import RANGES_PX, Options
 
 ENSEMBLE = ", ensemble"
 WIDE_SCENES, WIDE_SEED = 50, 25
+WIDE_SET = f"wide_{VERSION}_seed{WIDE_SEED}"
 WIDE_SCALE = 7
 """EPINET's weights know -4..4 px, so they see the views at a seventh of their size."""
 
@@ -68,10 +69,9 @@ def ensemble(results: Path, paths: list[Path], machine: str) -> Table:
 def wide(results: Path, runs: Path, machine: str) -> Table:
     """Table 3 on scenes of our generator's wide preset, rendered where they are not there yet."""
     options = Options(disparity_px=RANGES_PX["wide"])
-    set_ = f"wide_{VERSION}_seed{WIDE_SEED}"
     with progress("rendering") as advance:
         scenes = write_dataset(
-            runs / set_,
+            runs / WIDE_SET,
             options,
             WIDE_SEED,
             WIDE_SCENES,
@@ -83,7 +83,9 @@ def wide(results: Path, runs: Path, machine: str) -> Table:
     rows: list[Row] = []
     reports: list[dict[str, Any]] = []
     for name, (weights, scale) in models.items():
-        runs = [_scored(results / set_, scene, weights, machine, scale=scale) for scene in scenes]
+        runs = [
+            _scored(results / WIDE_SET, scene, weights, machine, scale=scale) for scene in scenes
+        ]
         reports += runs
         ours = {
             "rmse_px": [math.sqrt(r["scores"][MSE] / 100) for r in runs],

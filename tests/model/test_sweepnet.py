@@ -173,6 +173,19 @@ def test_each_round_refines_the_result_of_the_one_before():
         assert torch.equal(before, result)
 
 
+def test_each_round_at_full_size_refines_the_result_of_the_one_before():
+    net = SweepNet(SweepNetConfig(full=replace(SweepNetConfig().full, rounds=3))).eval()
+    with torch.no_grad():
+        net.refine[1].out.weight.normal_(std=0.01)
+        given, made = [], []
+        net.refine[1].register_forward_pre_hook(lambda _, args: given.append(args[1]))
+        net.refine[1].register_forward_hook(lambda _, args, result: made.append(result[0]))
+        maps = net(plane(0.63)).maps
+    assert len(given) == 3
+    for before, result in zip(made, [*given[1:], maps[-1]], strict=True):
+        assert torch.equal(before, result)
+
+
 def test_an_untrained_refinement_takes_the_least_squares_step():
     net = SweepNet().eval()
     seen = Views(plane(0.63))

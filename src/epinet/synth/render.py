@@ -65,8 +65,9 @@ def _render(
     device = scenes.light.ambient.device
     total: Tensor | None = None
     seen: set[int] | None = None
+    on_lens = _lens_points(samples)
     for s, within_px in enumerate(_pixel_points(samples)):
-        rim = None if radius is None else radius[:, None] * _lens_points(samples)[s]
+        rim = None if radius is None else radius[:, None] * on_lens[s]
         rays = pixel_rays(
             scenes.size,
             offsets,
@@ -98,7 +99,7 @@ def _pixel_points(count: int) -> list[tuple[float, float]]:
 
 
 def _lens_points(count: int) -> Tensor:
-    """Points (count, 2) of a sunflower in the unit disc, their mean its centre."""
+    """Points (count, 2) of a sunflower about the size of the unit disc, their mean its centre."""
     s = torch.arange(count) + 0.5
     radius, angle = (s / count).sqrt(), 2.39996323 * s
     points = torch.stack([radius * angle.sin(), radius * angle.cos()], -1)

@@ -149,7 +149,8 @@ def _alpha(dice: Dice, distance: Tensor) -> Tensor:
     alpha = torch.where(dice.each_chance(n, 0.6), (distance > 0).float(), edge(distance))
     soft = torch.nonzero(torch.rand(n, generator=dice.g) < 0.04)[:, 0]
     if len(soft):
-        depth = distance[soft.to(dice.device)]
+        own = soft.to(dice.device)
+        depth = distance[own]
         width = dice.each(len(soft), 1, 5).minimum(depth.amax((-2, -1), keepdim=True))
-        alpha[soft.to(dice.device)] = (depth / width.clamp_min(1)).clamp(0, 1)
+        alpha[own] = (depth / width.clamp_min(1)).clamp(0, 1)
     return alpha
