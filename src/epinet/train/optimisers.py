@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch.optim import AdamW, Optimizer, RMSprop
 
 from epinet.model.epinet import ViewConv
+from epinet.train.parallel import ALONE, Team
 from epinet.train.recipe import Recipe
 
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
@@ -29,6 +30,8 @@ class Muon(Optimizer):
     Args:
         params: tensors of at least two dimensions, the first of them the outputs.
         lr: a step has the root mean square of AdamW's at this rate, about 0.2 lr.
+        team: processes with the same parameters and gradients, each of which orthogonalises its
+            share of the steps.
     """
 
     def __init__(
@@ -37,21 +40,28 @@ class Muon(Optimizer):
         lr: float,
         momentum: float = 0.95,
         weight_decay: float = 0.0,
+        team: Team = ALONE,
     ) -> None:
         super().__init__(params, {"lr": lr, "momentum": momentum, "weight_decay": weight_decay})
+        self.team = team
 
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> None:  # type: ignore[override]
         for group in self.param_groups:
             lr, momentum = group["lr"], group["momentum"]
-            for p in group["params"]:
-                if p.grad is None:
-                    continue
+            params = [p for p in group["params"] if p.grad is not None]
+            directions = []
+            for k, p in enumerate(params):
                 state = self.state[p]
                 if "mean" not in state:
                     state["mean"] = torch.zeros_like(p)
-                state["mean"].lerp_(p.grad, 1 - momentum)
-                direction = orthogonalised(p.grad.lerp(state["mean"], momentum).flatten(1))
+                mean = state["mean"]
+                mean.lerp_(p.grad, 1 - momentum)
+                ahead = p.grad.lerp(mean, momentum).flatten(1)
+                is_mine = k % self.team.size == self.team.rank
+                directions.append(orthogonalised(ahead) if is_mine else torch.zeros_like(ahead))
+            self.team.add(directions)
+            for p, direction in zip(params, directions, strict=True):
                 size = 0.2 * max(direction.shape) ** 0.5
                 p.mul_(1 - lr * group["weight_decay"])
                 p.add_(direction.view_as(p), alpha=-lr * size)
@@ -85,7 +95,7 @@ class Optimisers:
 
     ADAM_RATE = 0.3
 
-    def __init__(self, net: nn.Module, recipe: Recipe) -> None:
+    def __init__(self, net: nn.Module, recipe: Recipe, team: Team = ALONE) -> None:
         rate, decay = recipe.learning_rate, recipe.weight_decay
         parameters = list(net.parameters())
         self.parts: list[tuple[Optimizer, float]]
@@ -99,7 +109,7 @@ class Optimisers:
             ours = {id(p) for p in hidden}
             rest = [p for p in parameters if id(p) not in ours]
             self.parts = [
-                (Muon(hidden, lr=rate, weight_decay=decay), 1.0),
+                (Muon(hidden, lr=rate, weight_decay=decay, team=team), 1.0),
                 (AdamW(rest, lr=rate, weight_decay=decay), self.ADAM_RATE),
             ]
 
