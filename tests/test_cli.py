@@ -393,7 +393,7 @@ def training_on_scenes_that_are_not_there(folder):
 def training_from_weights_of_another_network(folder):
     net = Epinet(EpinetConfig(views=3, stream_width=2))
     save_weights(folder / "w.safetensors", net, {})
-    return trains(folder, "--start", folder / "w.safetensors")
+    return trains(folder, "--set", f"start={folder / 'w.safetensors'}")
 
 
 @case(r"last\.pt: not a checkpoint that can be continued", "remove it to begin anew")

@@ -1,5 +1,7 @@
 """Weights of the reference, from files written here as Keras writes them."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -8,8 +10,12 @@ import pytest
 import torch
 
 from epinet.errors import InputError
+from epinet.io import read_pfm, write_light_field
+from epinet.lightfield import LightField
+from epinet.model.checkpoint import load_weights
 from epinet.model.epinet import EpinetConfig
 from epinet.model.keras import read_keras
+from epinet.predict.estimator import Estimator
 
 VIEWS, WIDTH = 5, 3
 
@@ -115,6 +121,30 @@ def test_an_imported_network_gives_what_the_reference_gives(tmp_path, whole, nes
         found = weights.net(seen)[0, 0].numpy()
     assert np.std(expected) > 1e-3
     np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
+
+
+def test_imported_by_command_they_predict(tmp_path):
+    """Bit for bit what the file holds, and used by `epinet predict --weights`."""
+
+    def epinet(*arguments: object) -> str:
+        command = [sys.executable, "-m", "epinet", *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    file = write(tmp_path / "iter.hdf5", reference_model())
+    imported = tmp_path / "theirs.safetensors"
+    assert "4 streams of 5 views" in epinet("weights", "import", file, "-o", imported)
+    kept, held = load_weights(imported).net.state_dict(), read_keras(file).net.state_dict()
+    assert kept.keys() == held.keys()
+    assert all(torch.equal(kept[name], held[name]) for name in held)
+    views = np.random.default_rng(3).integers(0, 256, (5, 5, 30, 34, 3), dtype=np.uint8)
+    lf = LightField(views=views)
+    write_light_field(tmp_path / "scene", lf, "hci")
+    epinet("predict", tmp_path / "scene", "--weights", imported, "-o", tmp_path / "out")
+    disparity = read_pfm(tmp_path / "out" / "scene" / "disparity.pfm")
+    expected = Estimator(load_weights(imported), device="cpu").predict(lf).disparity
+    np.testing.assert_allclose(disparity, expected, atol=1e-4 * np.abs(expected).max())
 
 
 def test_what_does_not_fit_is_named(tmp_path):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.angular import direction_positions
-from epinet.train.augment import AUGMENTATIONS, Patch
+from epinet.angular import CENTRAL_NINE, direction_positions
+from epinet.train.augment import AUGMENTATIONS, Patch, ViewShift
 from epinet.train.batches import Batches, Cut, batches_of, textured
 from epinet.train.recipe import Recipe
 from epinet.train.recipe_files import load_recipe
@@ -62,6 +62,40 @@ def test_stacks_hold_each_view_where_the_network_expects_it(streams):
     for stack, direction in zip(stacks, directions, strict=True):
         expected = [offsets.index((r - 2, c - 2)) for r, c in direction_positions(direction, 5)]
         assert stack.tolist() == expected
+
+
+@pytest.mark.parametrize("views", [3, 5, 7])
+@pytest.mark.parametrize("shift", CENTRAL_NINE)
+def test_shifted_stacks_are_those_about_the_shifted_centre(views, shift):
+    """The reference code shifts two of the four stacks along the wrong axis."""
+    needs = Needs(views, shifted=True)
+    views_of = torch.arange(len(needs.offsets)).view(-1, 1, 1, 1).expand(-1, 1, 24, 24).float()
+    truths = torch.arange(9.0).view(-1, 1, 1).expand(-1, 24, 24)
+    patch = Patch(views_of, needs.offsets, truths, truths >= 0, needs.truths)
+
+    class Chosen(ViewShift):
+        def draw(self, g):
+            return shift
+
+    cut = plain(views=views, patch_px=2, least_weight=1.0)
+    batch = Batches(cut, [(Fixed(patch), 1.0)], [Chosen()], seed=1)(0)
+    half = views // 2
+    for stack, direction in zip(batch.stacks[0, :, :, 0, 0], (90, 0, 45, -45), strict=True):
+        expected = [
+            needs.offsets.index((r - half + shift[0], c - half + shift[1]))
+            for r, c in direction_positions(direction, views)
+        ]
+        assert stack.tolist() == expected
+    assert (batch.disparity == needs.truths.index(shift)).all()
+
+
+@pytest.mark.parametrize("views", [3, 7])
+def test_grids_that_halve_to_an_odd_number_are_shown_whole(views):
+    """Every second view of three on each side would leave out the outermost."""
+    patch = made_of(views, torch.rand(24, 24))
+    cut = plain(views=views, patch_px=2, least_weight=1.0, fewer_views=1.0)
+    batches = Batches(cut, [(Fixed(patch), 1.0)], [], seed=1)
+    assert {batches(step).every for step in range(4)} == {1}
 
 
 @pytest.mark.parametrize("name", ["fast-9x9", "paper-7x7"])

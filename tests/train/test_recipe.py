@@ -1,5 +1,9 @@
 """Recipes: what the paper states, what is derived, and what is refused."""
 
+import re
+import subprocess
+import sys
+
 import pytest
 import yaml
 
@@ -108,6 +112,15 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
         (["data=[{generator: hci, options: {thin: 2}}]"], "data.0: options: thin is a share of 0"),
         (["data=[{generator: hci, options: {thick: 2}}]"], "data.0: options: .*thick"),
         (["data=[{folder: x, options: {thin: 0.1}}]"], "options are the generator's"),
+        (["data=[{generator: hci, options: {size: [9, 9]}}]"], "options: size cannot be chosen"),
+        (["data=[{generator: hci, options: {held_out: true}}]"], "held_out cannot be chosen"),
+        (["data=[{generator: hci, options: {surfaces: 3}}]"], "data.0: options: "),
+        (["data=[{generator: hci, options: {faults: {noise: -1}}}]"], "the strength of noise"),
+        (["data=[{generator: hci, options: {faults: {dust: 1}}}]"], "data.0: options: .*dust"),
+        (["data=[{generator: hci, disparity_px: [-1, 1]}]"], "disparity_px is a folder's"),
+        (["data=[{folder: x, disparity_px: [1, -1]}]"], "disparity_px: the range is empty"),
+        (["learning_rate=.inf"], "learning_rate: Input should be a finite number"),
+        (["data=[{generator: hci, share: .inf}]"], "data.0.share: Input should be a finite number"),
         (["mirror_weight=0.1"], "mirror_weight: takes a least_weight and rendered scenes"),
         (["batch=6", "large_patches=0.5"], "a batch of 1.5 cannot be split in 1 shards"),
     ],
@@ -133,6 +146,9 @@ def test_recipes_that_are_none(tmp_path):
     path.write_text("a: [1\n")
     with pytest.raises(InputError, match=r"list\.yaml: cannot be read"):
         load_recipe(str(path))
+    path.write_text("base: paper-9x9\non: 3\n")  # YAML takes "on" for "true"
+    with pytest.raises(InputError, match=r"list\.yaml: "):
+        load_recipe(str(path))
     with pytest.raises(InputError, match="KEY=VALUE"):
         parse_changes(["batch"])
     with pytest.raises(InputError, match="--without spin: no such augmentation"):
@@ -153,11 +169,40 @@ def test_what_sweepnet_cannot_do_is_refused(change, named):
     with pytest.raises(InputError, match=rf"{named}: SweepNet takes"):
         changed_recipe("sweepnet", [change], [], [])
     with pytest.raises(InputError, match="data: SweepNet takes"):
-        changed_recipe("sweepnet", [], ["some/folder"], [])
+        changed_recipe("sweepnet", ["mirror_weight=0"], ["some/folder"], [])
+    for shape in ("sweep_width: -3", "sweep_width: wide", "depth: 2"):
+        with pytest.raises(InputError, match="shape: "):
+            changed_recipe("sweepnet", [f"shape={{{shape}}}"], [], [])
+    with pytest.raises(InputError, match="frozen: nothing is left to learn"):
+        load_recipe("sweepnet", {"start": "sweepnet", "frozen": ["sweep", "fill", "refine"]})
     with pytest.raises(InputError, match="EPINET sees a fixed number of views"):
         changed_recipe("fast-9x9", ["fewer_views=0.1"], [], [])
     with pytest.raises(InputError, match="there are sweepnet, epinet"):
         changed_recipe("fast-9x9", ["model=other"], [], [])
+
+
+def test_the_command_lists_them():
+    command = [sys.executable, "-m", "epinet", "train", "--list", "-o", "unused"]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    for name in shipped_recipes():
+        assert re.search(rf"^{name} +\w", listed, re.MULTILINE)
+
+
+def test_limits_are_those_of_what_is_shown():
+    """Sign reversal shows the range mirrored, too, scale a part of it."""
+    assert load_recipe("paper-wide").limits_px == pytest.approx((-25 / 6, 25 / 6))
+    upright = changed_recipe("paper-wide", [], [], ["sign_reversal"])
+    assert upright.limits_px == pytest.approx((-25 / 6, 5 / 6))
+    both = {"data": [{"generator": "narrow"}, {"folder": "x", "disparity_px": [-2, 0.5]}]}
+    assert load_recipe("fast-9x9", both).limits_px == (-2, 1)
+    assert changed_recipe("fast-9x9", [], ["x"], []).limits_px is None
+
+
+def test_faults_can_be_chosen():
+    options = {"faults": {"noise": 0}, "surfaces": [1, 2]}
+    recipe = load_recipe("fast-9x9", {"data": [{"generator": "hci", "options": options}]})
+    (rendered,) = (data.rendered() for data in recipe.data)
+    assert (rendered.faults.noise, rendered.faults.blur, rendered.surfaces) == (0, 1, (1, 2))
 
 
 def test_weights_name_the_scenes_that_they_learned_from(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch import nn
 
 from epinet.errors import InputError
@@ -37,6 +39,7 @@ COMMAND = [
     *(sys.executable, "-m", "epinet", "train"),
     *(f"--set={key}={value}" for key, value in CHANGES.items()),
 ]
+TOGETHER = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
 QUICK = """
 import sys
 from pathlib import Path
@@ -115,8 +118,7 @@ def test_two_processes_do_what_one_does_with_two_shards(tmp_path, held_out, run,
         start = {"start": weights, "fixed_norms_from": 0.0}
         arguments += [f"--set={key}={value}" for key, value in start.items()]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    together = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
-    for launcher, folder in ((together, "two"), ([sys.executable], "one")):
+    for launcher, folder in ((TOGETHER, "two"), ([sys.executable], "one")):
         done = subprocess.run(
             [*launcher, "-m", *arguments, "-o", str(tmp_path / folder)],
             capture_output=True,
@@ -191,6 +193,28 @@ def test_a_loss_that_is_no_number_ends_the_run_and_keeps_the_checkpoint(tmp_path
     assert (tmp_path / "last.pt").read_bytes() == good
 
 
+@pytest.mark.parametrize(
+    ("what", "wreck"),
+    [
+        ("norm of the gradient", lambda net: net.register_hook(lambda grad: grad * torch.nan)),
+        ("sum of the weights", None),
+    ],
+)
+def test_no_checkpoint_of_weights_that_are_no_numbers(tmp_path, run, what, wreck):
+    """The loss still is finite in the step that spoils the weights."""
+    run(tmp_path, TINY.model_copy(update={"steps": 6})).train()
+    kept = {name: (tmp_path / name).read_bytes() for name in ("last.pt", "weights.safetensors")}
+    going_on = run(tmp_path, TINY.model_copy(update={"steps": 6}))
+    going_on.recipe = TINY.model_copy(update={"validate_every": 1})
+    if wreck:
+        wreck(going_on.net.head[2].weight)
+    else:
+        going_on.optimisers.step = lambda rate: going_on.net.head[2].weight.data.fill_(torch.inf)
+    with pytest.raises(DivergedError, match=f"the {what} is (nan|inf) at step 6"):
+        going_on.train(save_every_s=0)
+    assert kept == {name: (tmp_path / name).read_bytes() for name in kept}
+
+
 def test_divergence_on_the_command_line(tmp_path, held_out):
     wild = ["--set=learning_rate=1e38", "--set=gradient_clip=null"]
     done = subprocess.run(
@@ -199,25 +223,36 @@ def test_divergence_on_the_command_line(tmp_path, held_out):
         text=True,
     )
     assert done.returncode == 1
-    assert "the loss is" in done.stderr
+    assert "the sum of the weights is nan at step 0" in done.stderr
     assert "try --set learning_rate=5e+37" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_a_full_disk_keeps_the_last_checkpoint(tmp_path, run):
-    recipe = TINY.model_copy(update={"steps": 7})
-    run(tmp_path, TINY.model_copy(update={"steps": 6})).train()
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # TensorBoard's
+@pytest.mark.parametrize(("bytes_", "named"), [(1_000_000, r"last\.pt"), (1, r"log\.jsonl")])
+def test_a_full_disk_keeps_the_last_checkpoint(tmp_path, run, monkeypatch, bytes_, named):
+    """No room for the checkpoint, or not even for the log."""
+    monkeypatch.setattr("epinet.train.run.LOG_EVERY", 1)
+    recipe = TINY.model_copy(update={"steps": 8, "validate_every": 6})
+    run(tmp_path, recipe.model_copy(update={"steps": 6})).train()
     good = (tmp_path / "last.pt").read_bytes()
-    going_on = run(tmp_path, TINY.model_copy(update={"steps": 6}))
-    going_on.recipe = recipe
+    going_on = run(tmp_path, recipe.model_copy(update={"steps": 6}))
+    going_on.recipe = recipe.model_copy(update={"validate_every": 100})
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    lead = going_on._lead
+
+    def lead_on_a_full_disk(*arguments):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_, before[1]))
+        lead(*arguments)
+
+    going_on._lead = lead_on_a_full_disk
     try:
-        with pytest.raises(InputError, match=r"last\.pt: cannot be written \(File too large\)"):
-            going_on.save()
+        with pytest.raises(InputError, match=rf"{named}: cannot be written \(File too large\)"):
+            going_on.train(save_every_s=0)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
     assert (tmp_path / "last.pt").read_bytes() == good
     assert {p.name for p in tmp_path.iterdir() if p.name.startswith(".")} == set()
 
@@ -237,7 +272,38 @@ def test_a_run_leaves_weights_that_say_what_they_are(tmp_path, run):
     kept = load_weights(tmp_path / "best.safetensors").metadata["scores"]["badpix_0.07"]
     assert kept == best
     assert (tmp_path / "validation" / "scene_00000.png").exists()
-    assert any((tmp_path / "tensorboard").iterdir())
+
+
+def test_tensorboard_shows_scores_and_pictures(tmp_path, run, monkeypatch):
+    """Once for each step, also where a part of the run is done again."""
+    monkeypatch.setattr("epinet.train.run.LOG_EVERY", 1)
+    run(tmp_path).train()
+    kept = (tmp_path / "last.pt").read_bytes()
+    recipe = TINY.model_copy(update={"steps": 18})
+    for again in range(2):
+        (tmp_path / "last.pt").write_bytes(kept)
+        longer = run(tmp_path)
+        longer.recipe = recipe
+        longer.train()
+        assert again == 0 or longer.step == 18
+    events = EventAccumulator(str(tmp_path / "tensorboard"), {"images": 0, "scalars": 0}).Reload()
+    assert [e.step for e in events.Images("scene_00000")] == [6, 12, 18]
+    assert [e.step for e in events.Scalars("loss")] == list(range(1, 19))
+    shown = {e.step: e.value for e in events.Scalars("scores/badpix_0.07")}
+    said = json.loads((tmp_path / "run.json").read_text())["history"]
+    assert shown == pytest.approx({h["step"]: h["scores"]["badpix_0.07"] for h in said}, abs=1e-3)
+
+
+def test_progress_tells_the_rate_and_the_time_left(tmp_path, held_out, monkeypatch):
+    monkeypatch.setattr("epinet.train.run.SAY_EVERY_S", 0.0)
+    said: list[str] = []
+    scenes = Validation.of_folders([held_out], views=3)
+    Run(TINY, tmp_path, validation=scenes, say=said.append).train()
+    steps = [
+        re.match(r"step (\d+) of 12, loss [\d.]+, [\d.]+ steps/s, \d:\d\d:\d\d left", s)
+        for s in said
+    ]
+    assert [int(found[1]) for found in steps if found] == [*range(1, 6), *range(7, 12)]
 
 
 def test_statistics_are_means_over_the_last_batches(tmp_path, run):
@@ -302,7 +368,7 @@ def test_averaged_weights_follow_their_definition(tmp_path, run):
 
 
 def test_training_learns(tmp_path, run):
-    """On flat scenes at one place of the range, the constant is found within a few steps."""
+    """One small scene is learned by heart: its loss falls within a few steps."""
     out = write_dataset(
         tmp_path / "set", Options(size=(64, 64), views=3, samples=1), seed=1, scenes=1
     )
@@ -325,9 +391,41 @@ def test_what_cannot_be_continued(tmp_path, run):
     (tmp_path / "last.pt").write_bytes((tmp_path / "last.pt").read_bytes()[:5000])
     with pytest.raises(InputError, match=r"last\.pt: not a checkpoint that can be continued"):
         run(tmp_path)
-    torch.save({"recipe": TINY.as_dict()}, tmp_path / "last.pt")
-    with pytest.raises(InputError, match=r"last\.pt: not a checkpoint"):
-        run(tmp_path)
+    for nothing in ({"recipe": TINY.as_dict()}, torch.zeros(3), None):
+        torch.save(nothing, tmp_path / "last.pt")
+        with pytest.raises(InputError, match=r"last\.pt: not a checkpoint"):
+            run(tmp_path)
+
+
+def test_a_run_goes_on_with_the_scenes_that_it_was_validated_on(tmp_path, run, held_out):
+    run(tmp_path).train()
+    (scene,) = Validation.of_folders([held_out], views=3).scenes.values()
+    with pytest.raises(InputError, match="was validated on scene_00000, not on another"):
+        Run(TINY, tmp_path, validation=Validation({"another": scene}))
+
+
+def test_processes_that_find_different_checkpoints_do_not_go_on(tmp_path, held_out):
+    """As on two machines that do not share the folder."""
+    apart = QUICK.replace("Path(sys.argv[2])", "Path(sys.argv[2]) / os.environ['RANK']").replace(
+        "validation=scenes)", "validation=scenes, team=processes)"
+    )
+    head, _, last = apart.strip().rpartition("\n")
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"import os\nimport torch\nfrom epinet.train.parallel import team\n{head}\n"
+        f"with team(torch.device('cpu')) as processes:\n    {last}\n"
+    )
+    recipe = TINY.model_copy(update={"shards": 2})
+    scenes = Validation.of_folders([held_out], views=3)
+    Run(recipe, tmp_path / "0", validation=scenes, say=lambda line: None).train()
+    done = subprocess.run(
+        [*TOGETHER, str(script), recipe.model_dump_json(), str(tmp_path), str(held_out)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert done.returncode != 0
+    assert "the processes of this run find different checkpoints there" in done.stderr
 
 
 def test_weights_of_another_network_are_no_start(tmp_path, run):
@@ -335,14 +433,18 @@ def test_weights_of_another_network_are_no_start(tmp_path, run):
         return run(tmp_path / "run", recipe.model_copy(update={"start": str(weights)}))
 
     file = tmp_path / "weights.safetensors"
-    save_weights(file, Epinet(EpinetConfig(views=9, stream_width=8)), {})
+    contrast = {"input": "local contrast"}
+    save_weights(file, Epinet(EpinetConfig(views=9, stream_width=8)), contrast)
     with pytest.raises(InputError, match="another network"):
         from_(file)
     merge = from_("epinet_9x9").net.merge[0][0].conv.weight
     assert torch.equal(merge, load_weights("epinet_9x9").net.merge[0][0].weight)
-    save_weights(file, Epinet(EpinetConfig(views=3)), {})
+    save_weights(file, Epinet(EpinetConfig(views=3)), contrast)
     with pytest.raises(InputError, match="weights of 3 views are no start for 9"):
         from_(file, load_recipe("fast-9x9"))
+    save_weights(file, Epinet(EpinetConfig(views=3)), {})
+    with pytest.raises(InputError, match=r"plain gray are no start .* --set local_contrast=false"):
+        from_(file)
     with pytest.raises(InputError, match="elsewhere: no such weights file"):
         from_("elsewhere")
 
@@ -385,6 +487,25 @@ def test_weights_may_keep_a_share_of_those_that_they_start_from(held_out, tmp_pa
         torch.testing.assert_close(tensor, expected, rtol=2e-3, atol=1e-4)
     with pytest.raises(InputError, match="start_share"):
         load_recipe("sweepnet", {"start_share": 0.5})
+
+
+def test_sweepnet_learns_from_folders_whose_range_is_known(held_out, tmp_path):
+    scene = write_dataset(
+        tmp_path / "set", Options(size=(64, 64), views=3, samples=1), seed=1, scenes=1
+    )[0]
+    values = {"steps": 2, "batch": 2, "patch_px": 24, "large_patches": 0.0, "views": 3}
+    values |= {"start": "sweepnet", "validate_every": 2, "mirror_weight": 0.0}
+    values["data"] = [{"folder": str(scene), "disparity_px": [-4, 4]}, {"generator": "narrow"}]
+    scenes = Validation.of_folders([held_out], views=3)
+    learner = Run(
+        load_recipe("sweepnet", values), tmp_path, validation=scenes, say=lambda line: None
+    )
+    learner.train()
+    assert load_weights(tmp_path / "weights.safetensors").metadata["data"]["folders"] == [
+        str(scene)
+    ]
+    with pytest.raises(InputError, match="mirror_weight: takes a least_weight and rendered scenes"):
+        load_recipe("sweepnet", values | {"mirror_weight": 0.1})
 
 
 def test_frozen_parts_keep_the_weights_they_start_from(held_out, tmp_path):

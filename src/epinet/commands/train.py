@@ -37,18 +37,15 @@ def train(
     set_: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="KEY=VALUE", help="Change a value of the recipe. May be given again."
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change a value of the recipe, as in batch=32 or start=epinet_9x9. May be given "
+            "again.",
         ),
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option(help="Weights to start from: a file, or shipped ones by name.")
     ] = None,
     validation: Annotated[
         Path | None,
         typer.Option(help="Folder of scenes with truth; default: small rendered ones."),
-    ] = None,
-    textures: Annotated[
-        Path | None, typer.Option(help="Folder of photographs for the rendered scenes, too.")
     ] = None,
     device: DeviceOption = None,
     list_: Annotated[
@@ -67,8 +64,7 @@ def train(
     from epinet.train.run import Run, StoppedError
     from epinet.train.validation import Validation
 
-    changes = [*(set_ or []), *([] if start is None else [f"start={start}"])]
-    chosen = changed_recipe(recipe, changes, data or [], without or [])
+    chosen = changed_recipe(recipe, set_ or [], data or [], without or [])
     on = local_device(choose_device(device))
     scenes = None
     if validation is not None:
@@ -82,7 +78,6 @@ def train(
             output,
             device=on,
             team=processes,
-            textures=textures,
             validation=scenes,
             say=remark if processes.leads else lambda line: None,
         )

@@ -28,11 +28,10 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     target = Path(path).resolve()
     temporary = _sibling(target)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        temporary.replace(target)
-    except OSError as error:
-        raise _unwritable(path, error) from error
+        with writing(path):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            yield temporary
+            temporary.replace(target)
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -51,13 +50,28 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     target = Path(path).resolve()
     temporary = _sibling(target)
     try:
-        temporary.mkdir(parents=True)
-        yield temporary
-        _swap_in(temporary, target)
-    except OSError as error:
-        raise _unwritable(path, error) from error
+        with writing(path):
+            temporary.mkdir(parents=True)
+            yield temporary
+            _swap_in(temporary, target)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def writing(path: str | Path) -> Iterator[None]:
+    """Around what writes to `path`.
+
+    Raises:
+        InputError: it cannot be written (any OSError inside the block).
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror or error}); "
+            "check the name, the permissions and the free space of its folder"
+        ) from error
 
 
 def check_writable(folder: Path) -> None:
@@ -66,13 +80,11 @@ def check_writable(folder: Path) -> None:
     Raises:
         InputError: it does not.
     """
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         probe = _sibling(folder.resolve() / "probe")
         probe.touch()
         probe.unlink()
-    except OSError as error:
-        raise _unwritable(folder, error) from error
 
 
 def _swap_in(new: Path, target: Path) -> None:
@@ -91,10 +103,3 @@ def _swap_in(new: Path, target: Path) -> None:
 
 def _sibling(path: Path) -> Path:
     return path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}{path.suffix}")
-
-
-def _unwritable(path: str | Path, error: OSError) -> InputError:
-    return InputError(
-        f"{path}: cannot be written ({error.strerror or error}); "
-        "check the name, the permissions and the free space of its folder"
-    )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -169,11 +168,16 @@ class Batches:
         return Batch(views[:, :, ::every], every * truths, weight, every)
 
     def _every(self, g: Generator) -> int:
-        """Of the views on each side of the centre view, every so many-th is shown."""
+        """Of the views on each side of the centre view, every so many-th is shown.
+
+        Of 3 or 7 views none can be left out so that the outermost stay.
+        """
         half = self.cut.views // 2
         choices = [k for k in FEWER if half % k == 0]
         share, choice = torch.rand(2, generator=g).tolist()
-        return choices[int(choice * len(choices))] if share < self.cut.fewer_views else 1
+        if not choices or share >= self.cut.fewer_views:
+            return 1
+        return choices[int(choice * len(choices))]
 
     def _patch(self, g: Generator, step: int, place: int) -> tuple[Patch, bool]:
         """A patch, and whether it is one to learn from."""
@@ -272,7 +276,7 @@ class InTurn:
 
 
 def batches_of(
-    recipe: Recipe, shards: Sequence[int], *, textures: Path | None = None, device: str = "cpu"
+    recipe: Recipe, shards: Sequence[int], *, device: str = "cpu"
 ) -> list[Callable[[int], Batch]]:
     """The batches of some shards of a recipe; scenes on disk are read once for all of them.
 
@@ -306,7 +310,7 @@ def batches_of(
                 side_px=cut.side_px * scale,
                 reach=recipe.reach,
                 gray=GrayWeights.name not in recipe.augmentations,
-                textures=textures,
+                textures=recipe.textures,
                 device=device,
             )
             sources.append((rendered, sum(share for _, share in kinds)))

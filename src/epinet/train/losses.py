@@ -25,7 +25,7 @@ def batch_loss(net: Network, batch: Batch, recipe: Recipe) -> Tensor:
     if isinstance(net, Epinet):
         error = (net(batch.stacks) - batch.disparity).abs()
         return _mean(_robust(error, recipe.loss_scale_px), batch.weight)
-    assert recipe.disparity_range_px is not None  # all its scenes are rendered
+    assert recipe.disparity_range_px is not None  # of all its scenes
     low, high = recipe.disparity_range_px
     estimates = net(batch.stacks, (batch.every * low, batch.every * high))
     return sweepnet_loss(

@@ -14,15 +14,18 @@ from epinet.model.checkpoint import EPINET, MODELS, SWEEPNET, Network
 from epinet.model.epinet import STREAM_COUNTS, VIEW_COUNTS, Epinet, EpinetConfig
 from epinet.model.sweepnet import SweepNet, SweepNetConfig
 from epinet.synth.generator import VERSION
-from epinet.synth.options import RANGES_PX, Options
-from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, ViewShift
+from epinet.synth.options import RANGES_PX, Faults, Options
+from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, SignReversal, ViewShift
+
+RESERVED = frozenset({"size", "views", "disparity_px", "held_out"})
+"""Options of rendered scenes that a recipe does not choose as such."""
 
 GLOROT, DIFFERENCES, OWN = "glorot", "differences", "own"
 """Ways to start from scratch."""
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Data(_Model):
@@ -34,6 +37,8 @@ class Data(_Model):
     """What else to change of them, see `epinet.synth.options`."""
     folder: Path | None = None
     """A scene with truth, or a folder of scenes."""
+    disparity_px: tuple[float, float] | None = None
+    """Of the folder's scenes, px per adjacent view; SweepNet must be told."""
     share: Annotated[float, Field(gt=0)] = 1.0
     """How often patches come from here, relative to the other sources."""
 
@@ -41,9 +46,19 @@ class Data(_Model):
     def _one_of_them(self) -> Data:
         if (self.generator is None) == (self.folder is None):
             raise ValueError("give either generator or folder")
+        if self.disparity_px is not None:
+            if self.generator is not None:
+                raise ValueError("disparity_px is a folder's; a generator has its own")
+            if not self.disparity_px[0] < self.disparity_px[1]:
+                raise ValueError("disparity_px: the range is empty")
         if self.options:
             if self.generator is None:
                 raise ValueError("options are the generator's")
+            if reserved := sorted(RESERVED & self.options.keys()):
+                raise ValueError(
+                    f"options: {', '.join(reserved)} cannot be chosen here; sizes and views follow "
+                    "from the recipe, and what is held out is for validation"
+                )
             try:
                 self.rendered()
             except (InputError, TypeError) as error:
@@ -57,7 +72,13 @@ class Data(_Model):
             name: tuple(value) if isinstance(value, list) else value
             for name, value in self.options.items()
         }
-        return Options(disparity_px=RANGES_PX[self.generator], **values)
+        faults = Faults(**values.pop("faults", {}))
+        return Options(disparity_px=RANGES_PX[self.generator], faults=faults, **values)
+
+    @property
+    def bounds_px(self) -> tuple[float, float] | None:
+        """Disparities of these scenes, as far as that is known."""
+        return self.disparity_px if self.generator is None else RANGES_PX[self.generator]
 
 
 class Recipe(_Model):
@@ -89,6 +110,8 @@ class Recipe(_Model):
 
     # The data.
     data: tuple[Data, ...] = (Data(generator="hci"),)
+    textures: Path | None = None
+    """Folder of photographs that rendered scenes take textures from, too."""
     augmentations: tuple[str, ...] = ()
     scale_weights: tuple[Annotated[int, Field(ge=0)], ...] = (1, 1, 1, 1)
     """How often the augmentation `scale` takes N = 1, 2, 3, ..., relative to each other."""
@@ -164,9 +187,11 @@ class Recipe(_Model):
             )
         if self.start_share and (self.model != SWEEPNET or self.from_scratch):
             raise ValueError("start_share: takes a SweepNet that starts from weights")
+        if len(set(self.frozen)) == 3:
+            raise ValueError("frozen: nothing is left to learn")
         if self.frozen and (self.model != SWEEPNET or self.from_scratch):
             raise ValueError("frozen: takes a SweepNet that starts from weights")
-        if self.mirror_weight and (self.least_weight is None or self.disparity_range_px is None):
+        if self.mirror_weight and (self.least_weight is None or self.folders):
             raise ValueError("mirror_weight: takes a least_weight and rendered scenes alone")
         if not any(self.scale_weights):
             raise ValueError("scale_weights: at least one must be greater than 0")
@@ -191,12 +216,13 @@ class Recipe(_Model):
         if any(wrong.values()):
             names = ", ".join(name for name, is_wrong in wrong.items() if is_wrong)
             raise ValueError(
-                f"{names}: SweepNet takes 4 streams of plain gray views of rendered scenes in "
-                f"patches of even size, has no norms, and starts from {OWN} or weights"
+                f"{names}: SweepNet takes 4 streams of plain gray views of scenes whose range of "
+                "disparities is known (disparity_px beside a folder) in patches of even size, has "
+                f"no norms, and starts from {OWN} or weights"
             )
         try:
-            SweepNetConfig(**self.shape)
-        except TypeError as error:
+            SweepNet(SweepNetConfig(**self.shape))
+        except (TypeError, ValueError, RuntimeError, ZeroDivisionError) as error:
             raise ValueError(f"shape: {error}") from error
 
     def network(self) -> Network:
@@ -261,12 +287,13 @@ class Recipe(_Model):
 
     @property
     def disparity_range_px(self) -> tuple[float, float] | None:
-        """What the network learns of, where all scenes are rendered; else unknown."""
-        names = [d.generator for d in self.data if d.generator is not None]
-        if len(names) < len(self.data):
+        """What the network learns of, as far as that is known of all scenes."""
+        bounds = [b for d in self.data if (b := d.bounds_px) is not None]
+        if len(bounds) < len(self.data):
             return None
-        bounds = [RANGES_PX[name] for name in names]
         low, high = min(b[0] for b in bounds), max(b[1] for b in bounds)
+        if SignReversal.name in self.augmentations:
+            low, high = min(low, -high), max(high, -low)
         return low / min(self.scales), high / min(self.scales)
 
     @property

@@ -42,7 +42,7 @@ def load_recipe(name: str, changes: Mapping[str, Any] | None = None) -> Recipe:
     """
     values = {"name": Path(name).stem} | _values(name, ()) | dict(changes or {})
     try:
-        return Recipe(**values)
+        return Recipe.model_validate(values)
     except ValidationError as error:
         raise InputError([f"recipe {name}: {_text(e)}" for e in error.errors()]) from error
 

@@ -15,6 +15,7 @@ import copy
 import io
 import json
 import math
+import textwrap
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -66,13 +67,19 @@ MOMENTUM = 0.05
 
 LOG_EVERY = 20
 
+WHY_LENGTH = 200
+"""Characters of what is said about a damaged checkpoint."""
+
 BEST = "badpix_0.07"
 """The score that decides which weights are the best."""
 
 SAVE_EVERY_S = 240.0
 SAY_EVERY_S = 20.0
 
-_DAMAGED = (OSError, EOFError, RuntimeError, UnpicklingError, KeyError, TypeError, ValueError)
+_DAMAGED = (
+    *(OSError, EOFError, RuntimeError, UnpicklingError),
+    *(KeyError, IndexError, TypeError, ValueError, AttributeError),
+)
 """What reading a damaged checkpoint raises."""
 
 
@@ -84,7 +91,7 @@ class StoppedError(Exception):
 
 
 class DivergedError(StoppedError):
-    """The loss is no number any more."""
+    """The loss, its gradient or the weights are no finite numbers any more."""
 
     resumable = False
 
@@ -97,7 +104,6 @@ class Run:
         folder: of the run, made if need be.
         device: to train on.
         team: the processes that share the run.
-        textures: photographs for the rendered scenes.
         validation: default: small rendered scenes of held-out kinds.
         say: told about progress, a line at a time.
 
@@ -113,7 +119,6 @@ class Run:
         *,
         device: torch.device | str = "cpu",
         team: Team = ALONE,
-        textures: Path | None = None,
         validation: Validation | None = None,
         say: Callable[[str], None] = print,
     ) -> None:
@@ -125,7 +130,7 @@ class Run:
                 f"--set shards={team.size}"
             )
         mine = range(team.rank, recipe.shards, team.size)
-        self.batches = batches_of(recipe, mine, textures=textures, device=str(self.device))
+        self.batches = batches_of(recipe, mine, device=str(self.device))
         check_writable(folder)
         torch.manual_seed(recipe.seed)
         self.net = recipe.network()
@@ -141,16 +146,17 @@ class Run:
         # Norms are set by a batch of each process's own: only the leader's may count.
         team.share([*self.net.parameters(), *self.net.buffers()])
         self.averaged = AveragedModel(self.net, avg_fn=self._average)
-        self.optimisers = Optimisers(self.net, recipe)
+        self.optimisers = Optimisers(self.net, recipe, team)
         self.step, self.seconds = 0, 0.0
         self.clock = time.monotonic
         """Of `seconds`; a measurement on a busy machine may count its own CPU time instead."""
         self.best = math.inf
         self.losses: list[float] = []
         self.history: list[dict[str, Any]] = []
+        self._validation = validation
         if resumed:
             self._resume()
-        self._validation = validation
+        self._check_all_stand_at_this_step()
         self._recent: dict[int, Tensor] = {}
 
     @property
@@ -165,6 +171,8 @@ class Run:
         path = self._checkpoint
         try:
             state = torch.load(path, weights_only=True, map_location=self.device)
+            if not isinstance(state, dict):
+                raise TypeError(f"it holds a {type(state).__name__}")
             theirs = dict(state["recipe"])
             mine = self.recipe.as_dict()
             differences = [
@@ -177,6 +185,11 @@ class Run:
                     f"{path}: belongs to another recipe ({'; '.join(differences)}); "
                     "choose another folder"
                 )
+            if state["validated_on"] != self._validated_on:
+                raise InputError(
+                    f"{path}: was validated on {state['validated_on']}, not on "
+                    f"{self._validated_on}, so that scores do not compare; choose another folder"
+                )
             self.started_from = state["started_from"]
             self.net.load_state_dict(state["net"])
             self.averaged.load_state_dict(state["averaged"])
@@ -187,12 +200,26 @@ class Run:
         except InputError:
             raise
         except _DAMAGED as error:
-            why = str(error).partition("\n")[0] or type(error).__name__
+            why = " ".join(str(error).split()) or type(error).__name__
+            why = textwrap.shorten(why, WHY_LENGTH)
             raise InputError(
                 f"{path}: not a checkpoint that can be continued ({why}); "
                 "remove it to begin anew, or choose another folder"
             ) from error
         self.say(f"continuing at step {self.step} of {self.recipe.steps}")
+
+    def _check_all_stand_at_this_step(self) -> None:
+        """Processes on several machines must see the same folder."""
+        step = torch.tensor(float(self.step), device=self.device)
+        leaders = step.clone()
+        self.team.share([leaders])
+        apart = (step - leaders).abs()
+        self.team.add([apart])
+        if apart > 0:
+            raise InputError(
+                f"{self.folder}: the processes of this run find different checkpoints there; "
+                "give a folder that all of their machines share"
+            )
 
     def save(self) -> None:
         """Write the checkpoint to resume from.
@@ -202,6 +229,7 @@ class Run:
         """
         state = {
             "recipe": self.recipe.as_dict(),
+            "validated_on": self._validated_on,
             "started_from": self.started_from,
             "net": self.net.state_dict(),
             "averaged": self.averaged.state_dict(),
@@ -222,7 +250,7 @@ class Run:
         return {
             "recipe": self.recipe.as_dict(),
             "data": self.recipe.provenance,
-            "validated_on": RENDERED if self._validation is None else "other scenes",
+            "validated_on": self._validated_on,
             "disparity_range_px": self.recipe.limits_px,
             "input": LOCAL_CONTRAST if self.recipe.local_contrast else "gray",
             "started_from": self.started_from,
@@ -231,12 +259,18 @@ class Run:
             "scores": self.history[-1]["scores"] if self.history else {},
         }
 
+    @property
+    def _validated_on(self) -> str:
+        return RENDERED if self._validation is None else ", ".join(self._validation.scenes)
+
     def train(self, save_every_s: float = SAVE_EVERY_S) -> None:
         """Train to the recipe's last step.
 
         Raises:
             StoppedError: interrupted (Ctrl-C, SIGTERM); a checkpoint has been saved.
-            DivergedError: the loss is not finite; the last checkpoint is from before.
+            DivergedError: the loss, its gradient or the weights are not finite; the last
+                checkpoint is from before.
+            InputError: something cannot be written.
         """
         if not self.team.leads:
             with interruption() as interrupted:
@@ -250,7 +284,7 @@ class Run:
 
     def _lead(self, log: Log, interrupted: Callable[[], bool], save_every_s: float) -> None:
         saved = said = time.monotonic()
-        begun, seconds_before = self.step, self.seconds
+        begun, begun_at = self.step, said
         if self._validation_is_due:  # the run was stopped just before
             self._validate(log)
             self.save()
@@ -278,7 +312,7 @@ class Run:
                 self.save()
                 saved = now
             if now - said > SAY_EVERY_S and self.losses:
-                self._say_progress((self.step - begun) / (self.seconds - seconds_before))
+                self._say_progress((self.step - begun) / (now - begun_at))
                 said = now
 
     @property
@@ -312,10 +346,12 @@ class Run:
         self.team.add([loss, flag, *gradients, *sums])
         for buffer, value in zip(statistics, sums, strict=True):
             buffer.copy_(value)
-        self._check_finite(loss.item())
-        if self.recipe.gradient_clip is not None:
-            nn.utils.clip_grad_norm_(net.parameters(), self.recipe.gradient_clip)
+        self._check_finite("loss", loss)
+        clip = math.inf if self.recipe.gradient_clip is None else self.recipe.gradient_clip
+        self._check_finite("norm of the gradient", nn.utils.clip_grad_norm_(net.parameters(), clip))
         self.optimisers.step(self.recipe.rate(self.step))
+        sums_of_weights = [t.sum().float() for t in net.state_dict().values()]
+        self._check_finite("sum of the weights", torch.stack(sums_of_weights).sum())
         self.averaged.update_parameters(net)
         self.step += 1
         self.losses.append(loss.item())
@@ -349,12 +385,12 @@ class Run:
     def _autocast(self) -> torch.autocast:
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bf16)
 
-    def _check_finite(self, loss: float) -> None:
-        if math.isfinite(loss):
+    def _check_finite(self, what: str, value: Tensor) -> None:
+        if value.isfinite():
             return
         kept = f"{self._checkpoint} is from before; " if self._checkpoint.exists() else ""
         raise DivergedError(
-            f"the loss is {loss} at step {self.step}; {kept}the rate may be too high: "
+            f"the {what} is {value.item()} at step {self.step}; {kept}the rate may be too high: "
             f"try --set learning_rate={self.recipe.learning_rate / 2:g} in another folder"
         )
 

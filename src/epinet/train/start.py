@@ -29,7 +29,7 @@ def begin(net: Network, recipe: Recipe, batches: Callable[[int], Batch]) -> dict
         what the weights that it starts from say about themselves, if there are any.
 
     Raises:
-        InputError: those weights cannot be read or are of another network.
+        InputError: those weights cannot be read, or are of another network or input.
     """
     start = None
     if recipe.start == DIFFERENCES:
@@ -39,6 +39,12 @@ def begin(net: Network, recipe: Recipe, batches: Callable[[int], Batch]) -> dict
     elif recipe.start != OWN:
         start = load_weights(recipe.start)
         net.load_state_dict(_fitted(start, net).state_dict())
+        if start.sees_local_contrast != recipe.local_contrast:
+            raise InputError(
+                f"{start.source}: weights that see {_input(start.sees_local_contrast)} are no "
+                f"start for a recipe of {_input(recipe.local_contrast)}: "
+                f"--set local_contrast={str(start.sees_local_contrast).lower()}"
+            )
     if recipe.norms:
         add_norms(as_epinet(net))
         if not recipe.from_scratch:
@@ -58,6 +64,10 @@ def as_epinet(net: Network) -> Epinet:
     """The same network: what a recipe asks for here only EPINET has."""
     assert isinstance(net, Epinet)
     return net
+
+
+def _input(local_contrast: bool) -> str:
+    return "local contrast" if local_contrast else "plain gray"
 
 
 def _fitted(start: Weights, net: Network) -> Network:

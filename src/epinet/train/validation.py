@@ -13,6 +13,7 @@ import torch
 from epinet.angular import star_positions
 from epinet.errors import InputError
 from epinet.io import read_light_field
+from epinet.io.atomic import atomic_path
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX
@@ -131,9 +132,9 @@ def mean_scores(results: dict[str, Result]) -> dict[str, float]:
 
 def save_pictures(folder: Path, results: dict[str, Result]) -> None:
     """Writes previews of the first scenes to a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
     for name, result in list(results.items())[:PICTURES]:
-        save_preview(folder / f"{name}.png", result)
+        with atomic_path(folder / f"{name}.png") as temporary:
+            save_preview(temporary, result)
 
 
 def fitted_calibration(results: dict[str, Result]) -> Calibration:
