@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from epinet.benchmark.evaluate import enlarge
-from epinet.benchmark.maps import find_maps
+from epinet.benchmark.maps import MapFile, find_maps
 from epinet.benchmark.methods import named_targets, prepare
 from epinet.benchmark.scenes import find_scenes
 from epinet.errors import InputError
 from epinet.io import read_light_field, write_light_field, write_pfm
+from epinet.io.images import write_png
 from epinet.metrics.catalogue import benchmark_metrics
 from epinet.metrics.disparity import score
 from epinet.synth.generator import render_scene
@@ -227,8 +228,49 @@ def test_methods_are_named_by_hand_or_by_what_they_are():
     assert names == ["sweepnet", "big", "theirs", "maps"]
     models = [target.is_model for target in named_targets(texts)]
     assert models == [True, True, False, False]
-    with pytest.raises(InputError, match="method maps: given more than once"):
-        named_targets(["a/maps", "b/maps"])
+
+
+def test_one_name_twice_hides_nothing_else(tmp_path, add_scene):
+    """What is wrong with either folder's maps is told, too."""
+    add_scene("a")
+    write_pfm(tmp_path / "one" / "maps" / "a.pfm", np.zeros((2, 2)))
+    write_pfm(tmp_path / "two" / "maps" / "a.pfm", np.zeros((*SIZE, 3)))
+    with pytest.raises(InputError) as caught:
+        prepare([str(tmp_path / k / "maps") for k in ("one", "two")], tmp_path / "data")
+    name, size, colour = caught.value.problems
+    assert "method maps: given more than once" in name
+    assert "the map is 2x2 px" in size
+    assert "in colour" in colour
+
+
+def test_maps_of_the_benchmark_without_truth_here_are_passed_over(tmp_path, add_scene):
+    """A whole submission is scored on the scenes whose truth is public."""
+    add_scene("boxes")
+    for name in ("boxes", "bedroom"):
+        write_pfm(tmp_path / "maps" / f"{name}.pfm", np.zeros(SIZE))
+    prepared = prepare([str(tmp_path / "maps")], tmp_path / "data")
+    assert list(prepared.methods["maps"].maps) == ["boxes"]
+    write_pfm(tmp_path / "maps" / "stranger.pfm", np.zeros(SIZE))
+    with pytest.raises(InputError, match="no scene is named stranger"):
+        prepare([str(tmp_path / "maps")], tmp_path / "data")
+
+
+def test_views_are_checked_before_a_model_runs(tmp_path, add_scene):
+    (add_scene("blind") / "input_Cam040.png").unlink()
+    write_png(add_scene("small") / "input_Cam000.png", np.zeros((9, 8, 3), np.uint8))
+    with pytest.raises(InputError) as caught:
+        prepare(["sweepnet"], tmp_path / "data", border_px=0)
+    blind, small = caught.value.problems
+    assert "blind: no views in it for a model to see" in blind
+    assert "small: views of 8x9 px; its truth has" in small
+
+
+@pytest.mark.parametrize("scale", [-2.0, 0.25])
+def test_maps_are_read_as_the_site_reads_them(tmp_path, scale):
+    """Its toolkit multiplies by the magnitude of a PFM's scale."""
+    path = tmp_path / "a.pfm"
+    write_pfm(path, MAP / abs(scale), big_endian=scale > 0, scale=abs(scale))
+    np.testing.assert_array_equal(MapFile(path).read(SIZE), MAP)
 
 
 def test_a_scene_of_the_benchmark_is_read(real):

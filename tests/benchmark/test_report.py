@@ -187,6 +187,22 @@ def test_methods_are_ranked_beside_the_published(add_scene, evaluated):
     assert "On boxes: the scenes" in render(found)
 
 
+def test_a_map_with_holes_is_no_point_of_the_figure(add_scene, evaluated):
+    """Its MSE passes over them: what is left may be the easy part."""
+    truth = np.zeros((512, 512))
+    add_scene("boxes", truth)
+    holed = np.full_like(truth, np.nan)
+    holed[100, 100] = 0
+    maps = {"holed": {"boxes": holed}, "whole": {"boxes": truth + 1}}
+    found = evaluated(maps, {"holed": 1.0, "whole": 2.0})
+    ours = {p.method for p in accuracy_and_time(found, "mse_x100") if p.ours}
+    assert ours == {"whole"}
+    assert {p.method for p in accuracy_and_time(found, "badpix_0.07") if p.ours} == {
+        "holed",
+        "whole",
+    }
+
+
 def test_what_does_not_compare_is_said(add_scene, evaluated):
     add_scene("stripes", np.zeros((512, 512)))
     found = evaluated({"ours": {"stripes": np.zeros((512, 512))}}, border_px=16)

@@ -33,7 +33,7 @@ def maps(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def good(maps, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("zip") / "good.zip"
-    write_submission(path, maps_to_submit(str(maps), None, path.parent, progress=progress))
+    write_submission(path, maps_to_submit(str(maps), None, path.parent, path, progress=progress))
     return path
 
 
@@ -71,7 +71,9 @@ def test_what_is_written_can_be_submitted(good, maps, tmp_path):
 
 def test_the_same_maps_make_the_same_zip(good, maps, tmp_path):
     again = tmp_path / "again.zip"
-    write_submission(again, maps_to_submit(str(maps), None, tmp_path, progress=progress))
+    write_submission(
+        again, maps_to_submit(str(maps), None, tmp_path, tmp_path / "new.zip", progress=progress)
+    )
     assert again.read_bytes() == good.read_bytes()
 
 
@@ -109,6 +111,10 @@ FAULTS = {
     "endless run time": ({"runtimes/dots.txt": b"inf"}, "not 'inf'"),
     "run time as Python writes it": ({"runtimes/dots.txt": b"1_0"}, "not '1_0'"),
     "run time in other digits": ({"runtimes/dots.txt": "\uff12.5".encode()}, "not '\uff12.5'"),
+    "nested folder": (
+        {"mine/disp_maps/": b""},
+        "mine/disp_maps/: a folder that does not belong",
+    ),
     "empty folder": ({"disp_maps/more/": b""}, "disp_maps/more/: a folder that does not belong"),
 }
 
@@ -125,6 +131,11 @@ def test_an_outer_folder_is_one_fault_and_hides_no_other(good, tmp_path):
     outer, other = problems(path)
     assert "in the folder mine" in outer and "root of the zip" in outer
     assert "mine/runtimes/dots.txt" in other
+
+
+def test_names_must_be_those_of_the_site_to_the_letter(good, tmp_path):
+    (problem,) = problems(edited(good, tmp_path / "bad.zip", prefix="./"))
+    assert "in the folder .;" in problem
 
 
 def test_all_faults_are_told_at_once(good, tmp_path):
@@ -150,7 +161,7 @@ def test_what_cannot_be_submitted_is_told_before_anything_is_written(maps, tmp_p
     for name in BENCHMARK_SCENES[1:]:
         write_pfm(folder / f"{name}.pfm", HOLED if name == "dots" else ZEROS)
     with pytest.raises(InputError) as caught:
-        maps_to_submit(str(folder), None, tmp_path, progress=progress)
+        maps_to_submit(str(folder), None, tmp_path, tmp_path / "new.zip", progress=progress)
     text = str(caught.value)
     assert "no map of scene backgammon" in text
     assert "dots.pfm: 512 of 262144 values are not finite" in text
@@ -159,11 +170,13 @@ def test_what_cannot_be_submitted_is_told_before_anything_is_written(maps, tmp_p
 
 def test_a_model_needs_all_scenes(tmp_path):
     with pytest.raises(InputError, match="a model needs the scenes"):
-        maps_to_submit("sweepnet", None, tmp_path, progress=progress)
+        maps_to_submit("sweepnet", None, tmp_path, tmp_path / "new.zip", progress=progress)
     (tmp_path / "data" / "boxes").mkdir(parents=True)
     write_pfm(tmp_path / "data" / "boxes" / "gt_disp_lowres.pfm", ZEROS)
     with pytest.raises(InputError) as caught:
-        maps_to_submit("sweepnet", tmp_path / "data", tmp_path, progress=progress)
+        maps_to_submit(
+            "sweepnet", tmp_path / "data", tmp_path, tmp_path / "new.zip", progress=progress
+        )
     assert sum("is missing" in problem for problem in caught.value.problems) == 11
     assert "boxes: no views in it" in str(caught.value)
 
@@ -173,7 +186,9 @@ def test_scenes_that_cannot_be_submitted_are_named_before_the_model_runs(tmp_pat
     for name in (*BENCHMARK_SCENES, "more/cotton"):
         write_png(tmp_path / "data" / name / "input_Cam000.png", small)
     with pytest.raises(InputError) as caught:
-        maps_to_submit("sweepnet", tmp_path / "data", tmp_path, progress=progress)
+        maps_to_submit(
+            "sweepnet", tmp_path / "data", tmp_path, tmp_path / "new.zip", progress=progress
+        )
     text = str(caught.value)
     assert text.count("views of 24x16 px; the benchmark's scenes have 512x512 px") == 11
     assert "cotton: scenes of one name" in text
@@ -192,7 +207,7 @@ def test_a_bad_run_time_hides_no_fault_of_the_map(tmp_path):
 
 
 def test_a_short_run_time_is_kept(maps, tmp_path):
-    found = maps_to_submit(str(maps), None, tmp_path, progress=progress)
+    found = maps_to_submit(str(maps), None, tmp_path, tmp_path / "new.zip", progress=progress)
     quick = {name: replace(file, seconds=1e-11) for name, file in found.items()}
     write_submission(tmp_path / "quick.zip", quick)
     with zipfile.ZipFile(tmp_path / "quick.zip") as archive:

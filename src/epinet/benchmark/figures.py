@@ -13,6 +13,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.transforms import Bbox
 
 from epinet.benchmark.standing import Point, Ranking
+from epinet.benchmark.table import score_text
 
 OURS, THEIRS = "#c2410c", "#64748b"
 LETTER_PX = 6.4
@@ -116,7 +117,12 @@ def _bars(axes: Axes, bars: Sequence[tuple[str, bool, float]], most: int) -> Non
         colour = OURS if ours else THEIRS
         axes.barh(i, value, color=colour, height=0.66)
         axes.annotate(
-            f"{value:.2f}", (value, i), (4, 0), textcoords="offset points", va="center", fontsize=10
+            score_text(value),
+            (value, i),
+            (4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=10,
         )
         axes.annotate(
             name,

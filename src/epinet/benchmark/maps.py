@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.errors import InputError
-from epinet.io import read_pfm
 from epinet.io.names import folder_name, is_shown
+from epinet.io.pfm import read_scaled_pfm
 from epinet.io.problems import Problems, listed, parsing
 
 Size = tuple[int, int]
@@ -44,7 +45,8 @@ class MapFile:
         Raises:
             InputError: it is in colour, of another size, or cannot be read.
         """
-        map_ = read_pfm(self.path) if self.path.suffix.lower() == ".pfm" else _read_npy(self.path)
+        is_pfm = self.path.suffix.lower() == ".pfm"
+        map_ = read_scaled_pfm(self.path) if is_pfm else _read_npy(self.path)
         check_map(map_, size, self.path)
         return map_
 
@@ -88,7 +90,8 @@ def find_maps(
             `<scene>` of `epinet predict`, or is such a result folder; run times may stand in
             `runtimes/<scene>.txt`.
         sizes: (height, width) in px of the scenes that need a map, by name.
-        others: names of scenes whose maps are passed over; None passes over all others.
+        others: names of scenes whose maps are passed over, as those of the benchmark's scenes are;
+            None passes over all others.
         complete: whether every pixel must have an estimate, and every map a run time.
 
     Raises:
@@ -107,9 +110,9 @@ def find_maps(
         )
     problems = Problems()
     for name, paths in candidates.items():
-        if others is not None and name not in sizes and name not in others:
-            known = sorted({*sizes, *others})
-            problems.append(f"{paths[0]}: no scene is named {name}; there are {listed(known, 12)}")
+        if others is not None and name not in {*sizes, *others, *BENCHMARK_SCENES}:
+            known = listed(sorted({*sizes, *others}), 12)
+            problems.append(f"{paths[0]}: no scene is named {name}; there are {known}")
     found = {}
     for name, size in sizes.items():
         with problems.gather():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from epinet.benchmark.evaluate import Method
-from epinet.benchmark.maps import MapFile, find_maps, result_map
+from epinet.benchmark.maps import MapFile, Size, find_maps, result_map
 from epinet.benchmark.scenes import (
     BENCHMARK_SCENES,
     BENCHMARK_SIDE_PX,
@@ -17,6 +17,7 @@ from epinet.benchmark.scenes import (
     scene_folders,
 )
 from epinet.errors import InputError
+from epinet.io.atomic import check_writable
 from epinet.io.images import image_files, read_image
 from epinet.io.problems import Problems
 from epinet.metrics.disparity import BORDER_PX
@@ -56,9 +57,6 @@ class Target:
 def named_targets(texts: Sequence[str]) -> list[Target]:
     """Methods from `WHAT` or `NAME=WHAT`; without a name, that of the folder, file or model.
 
-    Raises:
-        InputError: two have the same name.
-
     Example:
         >>> [target.name for target in named_targets(["sweepnet", "theirs=results/maps"])]
         ['sweepnet', 'theirs']
@@ -69,15 +67,6 @@ def named_targets(texts: Sequence[str]) -> list[Target]:
         if not equals or not name or "/" in name or Path(text).exists():
             name, what = "", text
         targets.append(Target(name or _name_of(what), what))
-    names = [target.name for target in targets]
-    clashes = sorted({name for name in names if names.count(name) > 1})
-    if clashes:
-        raise InputError(
-            [
-                f"method {name}: given more than once; tell them apart by NAME=..."
-                for name in clashes
-            ]
-        )
     return targets
 
 
@@ -148,9 +137,16 @@ def prepare(
     ]
     methods: dict[str, Method] = {}
     models: dict[str, Estimator] = {}
-    targets: list[Target] = []
-    with problems.gather():
-        targets = named_targets(texts)
+    targets = named_targets(texts)
+    names = tuple(target.name for target in targets)
+    problems += [
+        f"method {name}: given more than once; tell them apart by NAME=..."
+        for name in sorted({name for name in names if names.count(name) > 1})
+    ]
+    if any(target.is_model for target in targets):
+        for scene in scenes:
+            with problems.gather():
+                _check_views(scene.folder, scene.size, "its truth has")
     for target in targets:
         with problems.gather():
             if target.is_model:
@@ -162,7 +158,6 @@ def prepare(
                 maps = find_maps(folder, sizes, None if one_of_many else found)
                 methods[target.name] = Method(target.name, str(folder.resolve()), maps)
     problems.raise_any()
-    names = tuple(target.name for target in targets)
     return Prepared(tuple(scenes), names, methods, models)
 
 
@@ -204,7 +199,13 @@ def run_model(
 
 
 def maps_to_submit(
-    what: str, data: Path | None, folder: Path, *, device: str | None = None, progress: Progress
+    what: str,
+    data: Path | None,
+    folder: Path,
+    output: Path,
+    *,
+    device: str | None = None,
+    progress: Progress,
 ) -> dict[str, MapFile]:
     """Maps of the benchmark's 12 scenes with run times, from a folder or by running a model.
 
@@ -212,11 +213,12 @@ def maps_to_submit(
         what: as in `Target`.
         data: folder of the scenes, for a model.
         folder: takes a model's results.
+        output: the zip that they are for; where it cannot be written, no model is run.
         device: to run a model on; None takes a GPU where there is one.
         progress: told of the model's work.
 
     Raises:
-        InputError: all scenes or maps that are missing or cannot be used.
+        InputError: all scenes or maps that are missing or cannot be used, or an unwritable path.
     """
     target = Target("submission", what)
     if not target.is_model:
@@ -233,20 +235,21 @@ def maps_to_submit(
             continue
         with problems.gather():
             folders[name] = only_folder(found, name)
-            _check_side(folders[name])
+            size = (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
+            _check_views(folders[name], size, "the benchmark's scenes have")
     problems.raise_any()
+    check_writable(output.parent)
     return run_model(target.load(device), folders, folder, progress=progress)
 
 
-def _check_side(folder: Path) -> None:
+def _check_views(folder: Path, size: Size, what_has: str) -> None:
     views = image_files(folder)
     if not views:
-        raise InputError(f"{folder}: no views in it")
+        raise InputError(f"{folder}: no views in it for a model to see")
     height, width = read_image(views[0]).shape[:2]
-    if (height, width) != (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX):
+    if (height, width) != size:
         raise InputError(
-            f"{folder}: views of {width}x{height} px; the benchmark's scenes have "
-            f"{BENCHMARK_SIDE_PX}x{BENCHMARK_SIDE_PX} px"
+            f"{folder}: views of {width}x{height} px; {what_has} {size[1]}x{size[0]} px"
         )
 
 

@@ -125,6 +125,7 @@ def _accuracy_and_time(evaluation: Evaluation) -> str:
             "Published (hollow): means over the benchmark's 12 scenes. These are different scenes: "
             "heights compare only among the filled or among the hollow."
         )
+    over += " Methods without an estimate of all pixels, or a run time of all scenes, are left out."
     first = figures.accuracy_against_time(panels, comparable=bool(common)) if panels else ""
     second = figures.run_time_bars(run_times(evaluation))
     return (

@@ -131,7 +131,7 @@ def rankings(evaluation: Evaluation) -> list[Ranking]:
 
 
 def accuracy_and_time(evaluation: Evaluation, metric: str) -> list[Point]:
-    """Methods whose run time is known: means over the common scenes.
+    """Methods ranked by the metric whose run time is known: means over the common scenes.
 
     Where no scene is common, ours are over our scenes and the published over the site's twelve:
     two different things, to be told apart by whoever shows them. Empty where the metric or the
@@ -143,10 +143,12 @@ def accuracy_and_time(evaluation: Evaluation, metric: str) -> list[Point]:
     if accuracy is None or runtime is None:
         return []
     points = []
+    unranked = unranked_methods(evaluation, metric, [scene.name for scene in scenes])
     for method in evaluation.methods:
-        value, _ = evaluation.mean(method, accuracy, scenes)
-        seconds, _ = evaluation.mean(method, runtime, scenes)
-        if value is not None and seconds is not None:
+        value, scored = evaluation.mean(method, accuracy, scenes)
+        seconds, timed = evaluation.mean(method, runtime, scenes)
+        whole = scored == timed == len(scenes) and method.name not in unranked
+        if value is not None and seconds is not None and whole:
             points.append(Point(method.name, True, seconds, value))
     for other in PUBLISHED:
         published = other.mean(metric, common or BENCHMARK_SCENES)

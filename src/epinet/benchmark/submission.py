@@ -82,7 +82,7 @@ def check_submission(path: Path) -> None:
         problems += [
             f"{path}: {entry.filename}: a folder that does not belong in a submission"
             for entry in archive.infolist()
-            if entry.is_dir() and PurePosixPath(entry.filename).name not in _FOLDERS
+            if entry.is_dir() and entry.filename.rstrip("/") not in _FOLDERS
         ]
         for entry in entries:
             meant = _meant(entry.filename)
@@ -105,12 +105,14 @@ def _meant(name: str) -> str | None:
     return inner if inner in _WANTED else None
 
 
+def _outer(name: str) -> str:
+    """What stands before the last two parts of a name, as it is written there."""
+    return "/".join(name.split("/")[:-2])
+
+
 def _wrong_names(names: Sequence[str], path: Path) -> list[str]:
     meant = [_meant(name) for name in names]
-    outer = sorted(
-        {str(PurePosixPath(n).parent.parent) for n, m in zip(names, meant, strict=True) if m}
-        - {"."}
-    )
+    outer = sorted({_outer(n) for n, m in zip(names, meant, strict=True) if m} - {""})
     problems = [
         f"{path}: {MAPS_FOLDER} and {RUNTIMES_FOLDER} stand in the folder {folder}; they must "
         "stand at the root of the zip"

@@ -36,7 +36,6 @@ def submit(
     from epinet.benchmark.methods import maps_to_submit
     from epinet.benchmark.submission import check_submission, write_submission
     from epinet.errors import InputError
-    from epinet.io.atomic import check_writable
 
     if (method is None or output is None) if check is None else (method or output or data):
         raise InputError("give MAPS_OR_MODEL and -o FILE.zip to write one, or --check FILE.zip")
@@ -45,9 +44,10 @@ def submit(
         print(f"{check}: can be submitted")
         return
     assert method is not None and output is not None
-    check_writable(output.parent)
     keep_freed_memory()
     with TemporaryDirectory() as temporary:
-        maps = maps_to_submit(method, data, Path(temporary), device=device, progress=progress)
+        maps = maps_to_submit(
+            method, data, Path(temporary), output, device=device, progress=progress
+        )
         write_submission(output, maps)
     print(f"12 scenes -> {output}")

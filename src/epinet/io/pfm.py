@@ -1,8 +1,9 @@
 """PFM (portable float map), the benchmark's format of disparity maps.
 
 Three header lines (`Pf` gray or `PF` colour, `width height`, `scale`), then float32 rows from the
-bottom up. The scale's sign is the byte order: negative is little-endian. Its magnitude is not
-applied: values are returned as they are stored, as the benchmark does.
+bottom up. The scale's sign is the byte order: negative is little-endian. Readers differ about its
+magnitude: here values come as they are stored, and `read_scaled_pfm` multiplies them, as the
+benchmark's own toolkit does.
 """
 
 from __future__ import annotations
@@ -33,10 +34,17 @@ def read_pfm(path: str | Path) -> NDArray[np.float32]:
     Raises:
         InputError: no such file, not a PFM, or a header that does not fit the data's length.
     """
-    path = Path(path)
-    with parsing(path, "PFM"):
-        data = path.read_bytes()
-    return decode_pfm(data, path)[0]
+    return _read(path)[0]
+
+
+def read_scaled_pfm(path: str | Path) -> NDArray[np.float32]:
+    """A map as the benchmark's toolkit reads it: values times the magnitude of the scale.
+
+    Raises:
+        InputError: as `read_pfm`.
+    """
+    values, scale = _read(path)
+    return values if abs(scale) == 1 else values * np.float32(abs(scale))
 
 
 def decode_pfm(data: bytes, path: Path | str) -> tuple[NDArray[np.float32], float]:
@@ -86,6 +94,13 @@ def write_pfm(
     rows = array.astype(">f4" if big_endian else "<f4")[::-1]
     with atomic_path(path) as temporary:
         temporary.write_bytes(header + rows.tobytes())
+
+
+def _read(path: str | Path) -> tuple[NDArray[np.float32], float]:
+    path = Path(path)
+    with parsing(path, "PFM"):
+        data = path.read_bytes()
+    return decode_pfm(data, path)
 
 
 def _size(path: Path | str, text: bytes) -> int:
