@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import platform
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,10 @@ from numpy.typing import NDArray
 
 import epinet
 from epinet.metrics.disparity import BORDER_PX
+from epinet.model.checkpoint import load_weights
 from epinet.predict.batch import find_light_fields
 from epinet.predict.confidence import WITHIN_PX
+from epinet.synth.generator import VERSION
 from epinet.synth.validation import validation_folder
 
 CLASSES = 10
@@ -82,8 +85,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", help="default: of epinet validation")
     parser.add_argument("-o", "--output", type=Path, help="JSON to write")
+    parser.add_argument("--machine", default=platform.processor() or platform.machine())
     args = parser.parse_args()
-    made = report(*pixels(args.folder or validation_folder()))
+    made: dict[str, Any] = {
+        "machine": args.machine,
+        "generator": VERSION,
+        "weights": {"sweepnet": load_weights("sweepnet").sha256},
+    }
+    made |= report(*pixels(args.folder or validation_folder()))
     if args.output:
         args.output.write_text(json.dumps(made, indent=1) + "\n")
     print(json.dumps(made, indent=1))

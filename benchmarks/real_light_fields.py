@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from epinet.io import read_light_field, read_pfm
 from epinet.metrics.disparity import BORDER_PX, score
-from epinet.model.checkpoint import MODELS
+from epinet.model.checkpoint import MODELS, load_weights
 
 NAMES = ("antinous", "dino", "kitchen", "lytro_2067")
 REFERENCE_BORDER_PX = 11
@@ -112,7 +112,12 @@ def main() -> None:
         options = ["--model", model, *args.options]
         models[model] = {n: examine(n, args.folder, args.maps / model, options) for n in NAMES}
     if args.output:
-        report = {"machine": args.machine, "options": args.options, "models": models}
+        report = {
+            "machine": args.machine,
+            "weights": {n: load_weights(n).sha256 for n in ("sweepnet", "epinet_9x9")},
+            "options": args.options,
+            "models": models,
+        }
         args.output.parent.mkdir(parents=True, exist_ok=True)
         args.output.write_text(json.dumps(report, indent=1) + "\n")
     for model, reports in models.items():

@@ -25,6 +25,7 @@ from matplotlib.figure import Figure
 from real_light_fields import constant_map
 
 from epinet.synth.dataset import write_dataset
+from epinet.synth.generator import VERSION
 from epinet.synth.options import Options
 from epinet.train.recipe_files import load_recipe
 from epinet.train.run import Run
@@ -97,6 +98,8 @@ def main() -> None:
     held_out = Validation.rendered(9, Options().disparity_px)
     report: dict[str, Any] = {
         "machine": args.machine,
+        "generator": VERSION,
+        "minutes": args.minutes,
         "scenes": SCENES,
         "constant_map": constant_maps(held_out),
         "runs": {},

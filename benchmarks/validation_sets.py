@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 
 from epinet import load_model, read_light_field
 from epinet.metrics.disparity import score
-from epinet.model.checkpoint import MODELS
+from epinet.model.checkpoint import MODELS, load_weights
 from epinet.predict.estimator import Estimator
 from epinet.predict.pictures import COLOUR_MAP, robust_range
+from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
 from epinet.synth.validation import validation_folder, validation_parts
 
@@ -109,7 +110,12 @@ def main() -> None:
     models = {model: score_all(model, rendered, traced, maps[model]) for model in MODELS}
     if args.picture:
         save_picture(args.picture, rendered, maps)
-    report = {"machine": args.machine, "models": models}
+    report = {
+        "machine": args.machine,
+        "generator": VERSION,
+        "weights": {n: load_weights(n).sha256 for n in ("sweepnet", "epinet_9x9")},
+        "models": models,
+    }
     args.output.write_text(json.dumps(report, indent=1) + "\n")
     for model, sets in models.items():
         for label, scored in sets.items():

@@ -33,6 +33,21 @@ def read(name: str) -> Any:
     return json.loads((RESULTS / f"{name}.json").read_text())
 
 
+def runs_of(weights: str) -> list[Any]:
+    """The runs that weights come from, the last one last."""
+    report = read(f"{weights}_training")
+    return list(report.get("runs", [report]))
+
+
+def older_than_now(report: Any) -> Iterator[str]:
+    """What to say of runs on scenes of another generator."""
+    if report.get("generator") != VERSION:
+        yield (
+            f"These runs are older than {VERSION}, the generator's scenes of today: to be measured "
+            "anew."
+        )
+
+
 def table(head: list[str], rows: list[list[str]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
@@ -51,10 +66,10 @@ def weights() -> Iterator[str]:
     yield "## Shipped weights"
     report = read("held_out")
     yield (
-        "Trained on rendered scenes alone, on an AMD EPYC: SweepNet on two cores, EPINET on one. "
-        "Steps and minutes are those of the last run, after the weights that it starts from. "
-        "Scores: `python benchmarks/held_out.py -o FILE`, 16 small rendered scenes "
-        f"({report['generator']}) of held-out textures and shapes, mirrors left out."
+        "Trained on rendered scenes alone. Steps, minutes and machine are those of the last run, "
+        "after the weights that it starts from. Scores: `python benchmarks/held_out.py -o FILE`, "
+        f"16 small rendered scenes ({report['generator']}) of held-out textures and shapes, "
+        "mirrors left out."
     )
     rows = []
     for name in shipped_weights():
@@ -64,21 +79,23 @@ def weights() -> Iterator[str]:
         start = begun.get("recipe", {}).get("name", "scratch")
         cells = [name, recipe["name"], data["generator"], start]
         scores = report["weights"][name]["scores"]
-        rows.append([*cells, str(about["steps"]), f"{about['minutes']:.0f}", *scored(scores)])
-    yield table(["weights", "recipe", "scenes", "from", "steps", "minutes", *SCORES], rows)
+        cells += [str(about["steps"]), f"{about['minutes']:.0f}", runs_of(name)[-1]["machine"]]
+        rows.append([*cells, *scored(scores)])
+    head = ["weights", "recipe", "scenes", "from", "steps", "minutes", "machine", *SCORES]
+    yield table(head, rows)
     yield (
         "How the 9x9 weights came about, run after run; where a line begins anew, the network had "
-        "changed or learned with a high rate again. These runs, and so the scores in the weights' "
-        "own metadata, still counted mirrors, which one of the 16 scenes consists of: some 8 "
-        "points of SweepNet's BadPix(.07) and nearly all of its MSE are those. EPINET was "
-        "validated on slanted layers."
+        "changed or learned with a high rate again. Each run was validated on the scenes of its "
+        "time, so that lines do not compare with each other, nor with the table: SweepNet's, and "
+        "so the scores in its weights' metadata, counted the mirrors that one of the 16 scenes "
+        "consists of; EPINET's first run saw slanted layers."
     )
     yield "![held-out scores against minutes](../benchmarks/results/shipped_weights.png)"
 
 
 def draw_progress(path: Path) -> None:
     """Held-out scores of the shipped 9x9 weights' runs against the minutes of all of them."""
-    runs = {"SweepNet": read("sweepnet_training")["runs"], "EPINET": [read("epinet_9x9_training")]}
+    runs = {"SweepNet": runs_of("sweepnet"), "EPINET": runs_of("epinet_9x9")}
     figure = Figure(figsize=(9, 3.5), layout="constrained", dpi=110)
     for panel, (model, of_model) in zip(figure.subplots(1, 2), runs.items(), strict=True):
         before = 0.0
@@ -118,7 +135,8 @@ def validation() -> Iterator[str]:
     report = read("validation_sets")
     yield "## Validation sets"
     yield (
-        "`python benchmarks/validation_sets.py -o FILE`; what the parts are: [scenes](scenes.md). "
+        f"`python benchmarks/validation_sets.py -o FILE` on {report['machine']}; what the parts "
+        "are: [scenes](scenes.md). "
         "Mirrors and panes are left out everywhere but in "
         "`reflective` and `mirrors`. EPINET sees the part `wide` at a seventh of its size."
     )
@@ -146,10 +164,11 @@ def ablation() -> Iterator[str]:
         "back more of what is lost, and what training itself does differently shows but faintly "
         "in so few steps. What differs from nothing by no more than its two seeds is undecided."
     )
-    if report.get("generator") != VERSION:
+    yield from older_than_now(report)
+    if "generator" not in report:
         yield (
-            "These runs are older than the last round's cubic interpolation and than the scenes of "
-            f"{VERSION}; their held-out scores still count mirrors."
+            "They are also older than the last round's cubic interpolation, and their held-out "
+            "scores count mirrors."
         )
     scores = {"badpix_0.07": "BadPix(.07)", "badpix_0.03": "(.03)", "mse_x100": "MSE x100"}
     rows = [
@@ -196,8 +215,9 @@ def calibration() -> Iterator[str]:
     report = read("calibration")
     yield "## SweepNet's expected error"
     yield (
-        f"`python benchmarks/calibration.py`, the {report['pixels']:,} valid pixels of the "
-        "rendered validation set in ten classes by expected error. " + report.get("note", "")
+        f"`python benchmarks/calibration.py -o FILE` on {report['machine']}, the "
+        f"{report['pixels']:,} valid pixels of the rendered validation set in ten classes by "
+        "expected error."
     )
     rows = [
         [
@@ -222,10 +242,11 @@ def curves() -> Iterator[str]:
     constant = report["constant_map"]
     yield "## The paper's recipe and ours"
     yield (
-        f"`python benchmarks/training_curves.py -o FILE`: the same {report['scenes']} rendered "
-        f"scenes, the same CPU time, {report['machine']}, float32; validated on small rendered "
-        "scenes of held-out kinds, mirrors left out."
+        f"`python benchmarks/training_curves.py --minutes {report['minutes']:g} -o FILE`: the same "
+        f"{report['scenes']} rendered scenes, the same CPU time, {report['machine']}, float32; "
+        "validated on small rendered scenes of held-out kinds, mirrors left out."
     )
+    yield from older_than_now(report)
     rows = [["best constant map", "-", "-", *scored(constant)]]
     for name, run in report["runs"].items():
         last = run["history"][-1]

@@ -30,5 +30,9 @@ def saved_run(path: Path, settings: dict[str, Any], run: Callable[[], dict[str, 
 
 
 def machines(reports: Iterable[dict[str, Any]]) -> str:
-    """Where saved runs were made."""
-    return "; ".join(sorted({report["machine"] for report in reports}))
+    """Where saved runs were made, and by how many threads."""
+    made = {
+        f"{report['machine']}, {report['threads']} thread{'s' * (report['threads'] != 1)}"
+        for report in reports
+    }
+    return "; ".join(sorted(made))

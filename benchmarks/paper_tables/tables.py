@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import statistics
 import warnings
 from collections.abc import Mapping, Sequence
@@ -141,6 +142,7 @@ def _figures(value: float, significant: int) -> str:
 
 
 def _escaped(text: str) -> str:
+    text = re.sub("`([^`]*)`", lambda code: rf"\\texttt{{{code[1].replace('--', '-{}-')}}}", text)
     for plain, escaped in (("%", r"\%"), ("_", r"\_"), ("±", r"$\pm$"), ("&", r"\&")):
         text = text.replace(plain, escaped)
     return text

@@ -195,9 +195,11 @@ def _table(
 def _scale(budget: Budget, runs: list[Any]) -> str:
     """The scale of the runs, in sentences."""
     recipe = recipe_for("paper-9x9", 1, budget)
-    scenes = "new rendered scenes all the time"
+    scenes = f"new rendered scenes ({VERSION}) all the time"
     if budget.scenes is not None:
-        scenes = f"{budget.scenes} rendered scenes of {budget.side_px}x{budget.side_px} px"
+        scenes = (
+            f"{budget.scenes} rendered scenes ({VERSION}) of {budget.side_px}x{budget.side_px} px"
+        )
     optimisation = "the paper's" if budget.base is None else f"that of {budget.base}"
     return (
         f"{budget.steps} steps of {recipe.batch} patches of {recipe.patch_px}x{recipe.patch_px} px "

@@ -28,11 +28,12 @@ from benchmarks.peers import keras_epinet
 from benchmarks.peers.methods import KERAS, METHODS, disparity_range
 from benchmarks.peers.picture import save_picture
 from benchmarks.peers.tables import markdown
+from benchmarks.truth import judged_truth
 from epinet.errors import InputError
 from epinet.io import read_light_field
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import score
-from epinet.model.checkpoint import Weights
+from epinet.model.checkpoint import Weights, load_weights
 from epinet.predict.batch import find_light_fields
 
 TOLERANCE_PX = 1e-4
@@ -61,10 +62,9 @@ class Runner:
             key: round(statistics.median(printed[key]), 3) for key in ("seconds", "cpu_s")
         }
         report["peak_memory_mb"] = round(printed["peak_memory_mb"])
-        if lf.truth is not None:
-            report["scores"] = {
-                k: round(v, 4) for k, v in score(np.load(map_file), lf.truth).items()
-            }
+        truth = judged_truth(scene, lf)
+        if truth is not None:
+            report["scores"] = {k: round(v, 4) for k, v in score(np.load(map_file), truth).items()}
         return report
 
     def keras(self, weights: Weights, lf: LightField, map_file: Path) -> Any:
@@ -135,6 +135,7 @@ def compare(args: argparse.Namespace) -> None:
         "machine": args.machine,
         "threads": args.threads,
         "repeats": args.repeats,
+        "weights": {n: load_weights(n).sha256 for n in ("sweepnet", "epinet_9x9")},
         "keras_equals_ours": equality(runner, read_light_field(shown)),
         "sets": sets,
     }

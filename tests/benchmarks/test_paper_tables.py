@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.paper_tables import published
-from benchmarks.paper_tables.predictions import unseen_errors
+from benchmarks.paper_tables.predictions import _content, unseen_errors
 from benchmarks.paper_tables.saved import saved_run
 from benchmarks.paper_tables.tables import Row, Spread, Table
 from benchmarks.paper_tables.trained import (
@@ -90,6 +90,22 @@ def test_latex_escapes_what_it_must():
     assert text.count(r"\\") == 3
 
 
+def test_latex_keeps_commands_as_they_are_typed():
+    rows = [Row("`epinet synth --scenes 50`", {"s": [1.0]}, {})]
+    text = Table("T", "S.", {"s": "s"}, Spread.SCENES, rows).latex()
+    assert r"\texttt{epinet synth -{}-scenes 50} &" in text
+
+
+def test_other_data_of_the_same_name_are_another_run(tmp_path):
+    """Which would be refused instead of answered with the old figure."""
+    for folder, text in (("one", "a"), ("same", "a"), ("other", "b")):
+        (tmp_path / folder / "scene").mkdir(parents=True)
+        (tmp_path / folder / "scene" / "view.png").write_text(text)
+    one, same, other = (_content(tmp_path / f / "scene") for f in ("one", "same", "other"))
+    assert one == same != other
+    assert other.startswith("scene ")
+
+
 def test_a_saved_run_is_not_run_again_and_other_settings_are_refused(tmp_path):
     file, calls = tmp_path / "deep" / "run.json", []
 
@@ -130,6 +146,7 @@ def test_a_table_is_made_of_saved_runs_alone(tmp_path):
                 "scores": scores,
                 "minutes": 0.5,
                 "machine": "the machine of the runs",
+                "threads": 1,
             }
             file = tmp_path / "results" / f"{name}_seed{seed}.json"
             saved_run(file, settings, lambda report=report: report)
@@ -138,7 +155,7 @@ def test_a_table_is_made_of_saved_runs_alone(tmp_path):
     assert "| 4 streams | 41.5 ± 0.5 | 3.87 | 6.5 ± 0.5 | 1.393 |" in lines
     assert "30 steps" in lines[2]
     assert "2 seeds" in lines[2]
-    assert "the machine of the runs" in lines[2]
+    assert "the machine of the runs, 1 thread." in lines[2]
     assert "another machine" not in lines[2]
     assert (tmp_path / "results" / "streams.png").exists()
     assert not (tmp_path / "runs").exists()
