@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from epinet.lightfield import LightField
 
-OF_MIRRORS = "mirrors"
-"""The path-traced scene that is there to show what mirrors do."""
+SHOWING_MIRRORS = ("mirrors", "reflective")
+"""Parts of the validation sets that are there to show what mirrors do."""
 
 
 def judged_truth(scene: Path, lf: LightField) -> NDArray[np.float32] | None:
-    """(H, W) truth of a scene; NaN on mirrors and panes, but in the scene that is made of them."""
-    return lf.truth if scene.name == OF_MIRRORS else lf.reliable_truth
+    """(H, W) truth of a scene; NaN on mirrors and panes, but in the parts made to show them."""
+    part = scene.name.partition("_")[0]
+    return lf.truth if part in SHOWING_MIRRORS else lf.reliable_truth

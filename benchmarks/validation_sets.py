@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from truth import judged_truth
 
 from epinet import load_model, read_light_field
 from epinet.metrics.disparity import score
@@ -42,11 +43,11 @@ Maps = dict[str, NDArray[np.float32]]
 
 
 def scores_of(
-    model: Estimator, folder: Path, scale: int, mirrors: bool, maps: Maps | None = None
+    model: Estimator, folder: Path, scale: int = 1, maps: Maps | None = None
 ) -> dict[str, float]:
     """Scores of one scene; its map goes into `maps`."""
     lf = read_light_field(folder)
-    truth = lf.truth if mirrors else lf.reliable_truth
+    truth = judged_truth(folder, lf)
     assert truth is not None
     disparity = model.predict(lf, scale=scale).disparity
     if maps is not None:
@@ -67,14 +68,11 @@ def score_all(model: str, rendered: Path, traced: Path, maps: Maps) -> dict[str,
         for k in range(len(scenes)):
             folder = rendered / f"{part}_{k}"
             shown = maps if part in PICTURED else None
-            parts[part].append(scores_of(estimator, folder, scale, part == "reflective", shown))
+            parts[part].append(scores_of(estimator, folder, scale, shown))
     names = json.loads((traced / "dataset.json").read_text())["scenes"]
     return {
         "rendered": {part: mean(each) for part, each in parts.items()},
-        "path-traced": {
-            name: mean([scores_of(estimator, traced / name, 1, name == "mirrors")])
-            for name in names
-        },
+        "path-traced": {name: mean([scores_of(estimator, traced / name)]) for name in names},
     }
 
 

@@ -106,9 +106,11 @@ def paper_tables() -> Iterator[str]:
     yield TABLES
     for name in (*RENDERED, "ensemble", "capture"):
         file = RESULTS / "paper_tables" / f"{name}.md"
-        if file.exists():
-            yield file.read_text().rstrip()
-        if name in RENDERED and VERSION not in file.read_text():
+        if not file.exists():
+            continue
+        table = file.read_text()
+        yield table.rstrip()
+        if name in RENDERED and VERSION not in table:
             yield f"This table is older than the scenes of {VERSION}: to be measured anew."
 
 

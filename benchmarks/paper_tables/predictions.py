@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from benchmarks.paper_tables import published
 from benchmarks.paper_tables.published import BAD, MSE
 from benchmarks.paper_tables.saved import machines, saved_run
 from benchmarks.paper_tables.tables import Row, Spread, Table
-from benchmarks.truth import OF_MIRRORS, judged_truth
+from benchmarks.truth import judged_truth
 from epinet.angular import star_positions
 from epinet.errors import InputError
 from epinet.io import read_light_field
@@ -61,7 +61,7 @@ def ensemble(results: Path, paths: list[Path], machine: str) -> Table:
     return Table(
         "The ensemble",
         f"Shipped weights, one training of each, on {len(scenes)} scenes with truth ({names}), "
-        f"{machines(reports)}; mirrors and panes are left out but in `{OF_MIRRORS}`. The paper's "
+        f"{machines(reports)}; mirrors and panes are left out but in `mirrors`. The paper's "
         "figures are means of the benchmark's twelve scenes.",
         {BAD: "BadPix(.07)", MSE: "MSE x100", "cpu_s": "CPU s"},
         Spread.SCENES,
@@ -103,7 +103,7 @@ def wide(results: Path, runs: Path, machine: str) -> Table:
         "Table 3: the wide-baseline set",
         f"{WIDE_SCENES} light fields of {width}x{height} px, -25..5 px, rendered by `epinet synth "
         f"OUT --scenes {WIDE_SCENES} --range wide --seed {WIDE_SEED} --star` ({VERSION}), since "
-        f"the original set is not to be had; shipped weights, one training of each, "
+        "the original set is not to be had; shipped weights, one training of each, "
         f"{machines(reports)}. SweepNet measures the range "
         "and searches it on smaller pictures first; EPINET sees the views at "
         f"1/{WIDE_SCALE} of their size (`--scale {WIDE_SCALE}`). RMSE and MAE of a scene, without "
@@ -218,6 +218,7 @@ def _predicted(
     return result, {"cpu_s": cpu_s, "machine": machine, "threads": torch.get_num_threads()}
 
 
+@lru_cache
 def _content(scene: Path) -> str:
     """Name and hash of what the files of a scene hold: other data are another run."""
     digest = hashlib.sha256()
@@ -226,6 +227,7 @@ def _content(scene: Path) -> str:
     return f"{scene.name} {digest.hexdigest()[:12]}"
 
 
+@lru_cache
 def _digest(weights: str) -> str:
     """Name and hash of shipped weights: other weights are another run."""
     return f"{weights} {epinet.load_model(weights, device='cpu').sha256[:12]}"

@@ -220,9 +220,8 @@ def maps_to_submit(
     Raises:
         InputError: all scenes or maps that are missing or cannot be used, or an unwritable path.
     """
-    target = Target("submission", what)
+    target, size = Target("submission", what), (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
     if not target.is_model:
-        size = (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
         return find_maps(Path(what), dict.fromkeys(BENCHMARK_SCENES, size), complete=True)
     if data is None:
         raise InputError(f"{what}: a model needs the scenes; give their folder as --data")
@@ -235,7 +234,6 @@ def maps_to_submit(
             continue
         with problems.gather():
             folders[name] = only_folder(found, name)
-            size = (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
             _check_views(folders[name], size, "the benchmark's scenes have")
     problems.raise_any()
     check_writable(output.parent)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
+import torch
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from epinet.errors import InputError
@@ -19,6 +20,9 @@ from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, SignReversa
 
 RESERVED = frozenset({"size", "views", "disparity_px", "held_out"})
 """Options of rendered scenes that a recipe does not choose as such."""
+
+Part = Literal["sweep", "fill", "refine"]
+"""Of SweepNet."""
 
 GLOROT, DIFFERENCES, OWN = "glorot", "differences", "own"
 """Ways to start from scratch."""
@@ -100,7 +104,7 @@ class Recipe(_Model):
     """Starting weights: "glorot", Keras' default; "differences", He's on differences to the centre
     view; "own", SweepNet's; or trained ones: a file, or the name of shipped ones."""
 
-    frozen: tuple[Literal["sweep", "fill", "refine"], ...] = ()
+    frozen: tuple[Part, ...] = ()
     """Parts of SweepNet that keep the weights it starts from."""
 
     norms: bool = False
@@ -187,7 +191,7 @@ class Recipe(_Model):
             )
         if self.start_share and (self.model != SWEEPNET or self.from_scratch):
             raise ValueError("start_share: takes a SweepNet that starts from weights")
-        if len(set(self.frozen)) == 3:
+        if set(self.frozen) == set(get_args(Part)):
             raise ValueError("frozen: nothing is left to learn")
         if self.frozen and (self.model != SWEEPNET or self.from_scratch):
             raise ValueError("frozen: takes a SweepNet that starts from weights")
@@ -221,7 +225,8 @@ class Recipe(_Model):
                 f"no norms, and starts from {OWN} or weights"
             )
         try:
-            SweepNet(SweepNetConfig(**self.shape))
+            with torch.device("meta"):  # no memory, and no random numbers
+                self.network()
         except (TypeError, ValueError, RuntimeError, ZeroDivisionError) as error:
             raise ValueError(f"shape: {error}") from error
 

@@ -12,17 +12,14 @@ run.json                 the recipe, the curve and the last scores
 from __future__ import annotations
 
 import copy
-import io
 import json
 import math
-import textwrap
 import time
 from collections.abc import Callable
 from dataclasses import asdict
 from datetime import timedelta
 from functools import cached_property
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any, cast
 
 import torch
@@ -44,6 +41,7 @@ from epinet.model.normed import add_norms, without_norms
 from epinet.model.sweepnet import SweepNet
 from epinet.synth.options import RANGES_PX
 from epinet.train.batches import Batch, batches_of
+from epinet.train.checkpoint import State, continuing, write_checkpoint
 from epinet.train.interruption import interruption
 from epinet.train.log import Log
 from epinet.train.losses import batch_loss
@@ -67,20 +65,11 @@ MOMENTUM = 0.05
 
 LOG_EVERY = 20
 
-WHY_LENGTH = 200
-"""Characters of what is said about a damaged checkpoint."""
-
 BEST = "badpix_0.07"
 """The score that decides which weights are the best."""
 
 SAVE_EVERY_S = 240.0
 SAY_EVERY_S = 20.0
-
-_DAMAGED = (
-    *(OSError, EOFError, RuntimeError, UnpicklingError),
-    *(KeyError, IndexError, TypeError, ValueError, AttributeError),
-)
-"""What reading a damaged checkpoint raises."""
 
 
 class StoppedError(Exception):
@@ -168,28 +157,8 @@ class Run:
         return torch.lerp(new, average, decay)
 
     def _resume(self) -> None:
-        path = self._checkpoint
-        try:
-            state = torch.load(path, weights_only=True, map_location=self.device)
-            if not isinstance(state, dict):
-                raise TypeError(f"it holds a {type(state).__name__}")
-            theirs = dict(state["recipe"])
-            mine = self.recipe.as_dict()
-            differences = [
-                f"{key} is {theirs.get(key)} there, {mine.get(key)} here"
-                for key in sorted(theirs.keys() | mine.keys())
-                if theirs.get(key) != mine.get(key)
-            ]
-            if differences:
-                raise InputError(
-                    f"{path}: belongs to another recipe ({'; '.join(differences)}); "
-                    "choose another folder"
-                )
-            if state["validated_on"] != self._validated_on:
-                raise InputError(
-                    f"{path}: was validated on {state['validated_on']}, not on "
-                    f"{self._validated_on}, so that scores do not compare; choose another folder"
-                )
+        recipe = self.recipe.as_dict()
+        with continuing(self._checkpoint, recipe, self._validated_on, self.device) as state:
             self.started_from = state["started_from"]
             self.net.load_state_dict(state["net"])
             self.averaged.load_state_dict(state["averaged"])
@@ -197,15 +166,6 @@ class Run:
             self.step, self.seconds = state["step"], state["seconds"]
             self.best, self.losses = state["best"], state["losses"]
             self.history = state["history"]
-        except InputError:
-            raise
-        except _DAMAGED as error:
-            why = " ".join(str(error).split()) or type(error).__name__
-            why = textwrap.shorten(why, WHY_LENGTH)
-            raise InputError(
-                f"{path}: not a checkpoint that can be continued ({why}); "
-                "remove it to begin anew, or choose another folder"
-            ) from error
         self.say(f"continuing at step {self.step} of {self.recipe.steps}")
 
     def _check_all_stand_at_this_step(self) -> None:
@@ -227,7 +187,7 @@ class Run:
         Raises:
             InputError: it cannot be written; the one before is kept.
         """
-        state = {
+        state: State = {
             "recipe": self.recipe.as_dict(),
             "validated_on": self._validated_on,
             "started_from": self.started_from,
@@ -240,10 +200,7 @@ class Run:
             "losses": self.losses,
             "history": self.history,
         }
-        packed = io.BytesIO()
-        torch.save(state, packed)
-        with atomic_path(self._checkpoint) as temporary:
-            temporary.write_bytes(packed.getbuffer())
+        write_checkpoint(self._checkpoint, state)
 
     def metadata(self) -> dict[str, Any]:
         """What the weights of this run say about themselves."""
