@@ -1,6 +1,6 @@
 """How true SweepNet's expected error is: predicted against true error on scenes never trained on.
 
-    epinet validation && python benchmarks/calibration.py -o benchmarks/results/calibration.json
+    epinet validation && python -m benchmarks.calibration -o benchmarks/results/calibration.json
 
 Pixels of all scenes, inside the benchmark's border and where the truth is valid, are sorted by
 their expected error into ten classes of equal size; of each class, the mean of the expected and of

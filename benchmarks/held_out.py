@@ -1,6 +1,6 @@
 """Score all shipped weights on the small rendered scenes that training runs are validated on.
 
-    python benchmarks/held_out.py -o benchmarks/results/held_out.json
+    python -m benchmarks.held_out -o benchmarks/results/held_out.json
 
 What weights say of themselves was scored by the generator of their time; here all see the same
 scenes, with as many views as they take.

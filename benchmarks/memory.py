@@ -1,6 +1,6 @@
 """How much memory a tile takes: what the constants of `epinet.predict.tiling` rest on.
 
-    python benchmarks/memory.py
+    python -m benchmarks.memory
 
 Each tile runs in a process of its own; its peak above that of the smallest tile, per pixel that the
 network sees, is printed in floats (for EPINET per channel of the merge part, too). What SweepNet's
@@ -12,6 +12,7 @@ from __future__ import annotations
 import resource
 import subprocess
 import sys
+from typing import TypeVar
 
 import torch
 
@@ -23,14 +24,21 @@ from epinet.synth.options import RANGES_PX
 SIDES_PX = {"epinet": (1, 96, 192, 384), "hci": (32, 256, 512, 768), "narrow": (32, 256, 512, 768)}
 """For EPINET, and for SweepNet by range."""
 
+N = TypeVar("N", Epinet, SweepNet)
+
+
+def _laid_out(net: N) -> N:
+    """As a model is when it predicts."""
+    return net.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]
+
 
 def peak_mb(model: str, side: int) -> float:
     """Peak memory of a process that computes one tile."""
     stacks = torch.zeros(4, 9, side, side)
     if model == "epinet":
-        run_tiled(Epinet().eval().to(memory_format=torch.channels_last), stacks, side)
+        run_tiled(_laid_out(Epinet()), stacks, side)
     else:
-        sweepnet = SweepNet().eval().to(memory_format=torch.channels_last)
+        sweepnet = _laid_out(SweepNet())
         run_overlapping(sweepnet, stacks, RANGES_PX[model], 1e6)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
@@ -40,10 +48,8 @@ def main() -> None:
         print(peak_mb(sys.argv[1], int(sys.argv[2])))
         return
     for model, sides in SIDES_PX.items():
-        base, *peaks = (
-            float(subprocess.check_output([sys.executable, __file__, model, str(side)]))
-            for side in sides
-        )
+        command = [sys.executable, "-m", "benchmarks.memory", model]
+        base, *peaks = (float(subprocess.check_output([*command, str(side)])) for side in sides)
         margin, channels = (2 * MARGIN_PX, 280) if model == "epinet" else (0, 1)
         if model != "epinet":
             print(f"{len(SweepNet().hypotheses(RANGES_PX[model], 9)[1])} hypotheses:")

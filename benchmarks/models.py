@@ -1,6 +1,6 @@
 """What the models cost: parameters, multiply-adds per pixel, and wall time side by side.
 
-    python benchmarks/models.py -o benchmarks/results/models.json
+    python -m benchmarks.models -o benchmarks/results/models.json
 
 A rendered light field of 512x512 px is predicted by each model in turn, again and again, in one
 process and in float32; speeds are compared within a round, so that a noisy machine slows both.

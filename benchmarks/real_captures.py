@@ -1,6 +1,6 @@
 """The paper's real-data figures (11 and 12) on a Lytro capture, and a mesh in true size beside it.
 
-    python benchmarks/real_captures.py FOLDER
+    python -m benchmarks.real_captures FOLDER
 
 FOLDER holds lytro_2067, kitchen and reference/lytro_2067_epinet9x9.pfm. Written are
 docs/real_captures.md, its pictures in docs/images, and benchmarks/results/real_captures.json.
@@ -27,9 +27,9 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
-from real_light_fields import CLOSE_PX, REFERENCE_BORDER_PX, agreement
-from write_results import table
 
+from benchmarks.real_light_fields import CLOSE_PX, REFERENCE_BORDER_PX, agreement
+from benchmarks.write_results import table
 from epinet.inspect.alignment import estimate_alignment
 from epinet.io import read_light_field, read_pfm
 from epinet.lightfield import LightField
@@ -275,7 +275,7 @@ def page(report: dict[str, Any]) -> str:
     width, height, depth = kitchen["width_height_depth"]
     parts = [
         "# Real captures",
-        "Written by `python benchmarks/real_captures.py FOLDER`; all figures, and the sha256 of "
+        "Written by `python -m benchmarks.real_captures FOLDER`; all figures, and the sha256 of "
         "the weights, are in [real_captures.json](../benchmarks/results/real_captures.json). It is "
         "what the paper shows in its figures 11 and 12, on the capture that came with its code: "
         f"`{CAPTURE}`, a Lytro Illum's 9x9 views of 552x383 px. Nothing here was trained on it or "

@@ -1,6 +1,6 @@
 """Predict the real light fields at hand with each model, as a user would, and compare.
 
-    python benchmarks/real_light_fields.py FOLDER -o benchmarks/results/real_light_fields.json
+    python -m benchmarks.real_light_fields FOLDER -o benchmarks/results/real_light_fields.json
 
 FOLDER holds antinous (with truth), dino, kitchen, lytro_2067 and reference/<name>_epinet9x9.pfm,
 the reference implementation's maps. Each light field is predicted by the command line in a process

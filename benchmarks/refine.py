@@ -1,7 +1,7 @@
 """What the refinement of maps costs and brings.
 
-    python benchmarks/refine.py [--size 512x512] [--threads 2]
-    python benchmarks/refine.py ~/.cache/epinet/validation-rays-8/noisy_*
+    python -m benchmarks.refine [--size 512x512] [--threads 2]
+    python -m benchmarks.refine ~/.cache/epinet/validation-rays-8/noisy_*
 
 Without light fields: seconds, best of three, of a map and a picture of noise (what they show does
 not change the work but for the share of holes, here 5 percent). With light fields that have truth:

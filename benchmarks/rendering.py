@@ -1,6 +1,6 @@
 """How fast scenes are rendered, beside how fast the 9x9 network trains on them, in one run.
 
-    python benchmarks/rendering.py -o benchmarks/results/rendering.json [--device cuda]
+    python -m benchmarks.rendering -o benchmarks/results/rendering.json [--device cuda]
 
 A megapixel is a million finished pixels of any view, all 33 views of the star counted. Training
 follows the recipe fast-9x9: a step takes in 33 views of 38x38 px per patch, a pool of scenes serves
@@ -24,7 +24,7 @@ from epinet.model.epinet import MARGIN_PX
 from epinet.synth.generator import bank, draw_scene, pools, star_offsets
 from epinet.synth.options import RANGES_PX, Options
 from epinet.synth.render import Lens, render
-from epinet.train.batches import batches_of
+from epinet.train.batches import Cut, batches_of
 from epinet.train.recipe_files import load_recipe
 from epinet.train.run import Run
 from epinet.train.sources import CROP_FREEDOM_PX, SLOTS, STEPS_PER_POOL
@@ -40,6 +40,11 @@ def seconds(work: Callable[[], object], device: str) -> float:
     if device.startswith("cuda"):
         torch.cuda.synchronize()
     return time.perf_counter() - start
+
+
+def _repeat(work: Callable[[], object], times: int) -> None:
+    for _ in range(times):
+        work()
 
 
 def pool_rate(options: Options, count: int, rounds: int, device: str) -> float:
@@ -69,7 +74,7 @@ def training_rate(rounds: int) -> tuple[float, float]:
         run = Run(recipe, Path(folder))
         run.batches = [lambda step: batch]
         run._train_step()
-        step_s = seconds(lambda: [run._train_step() for _ in range(rounds)], "cpu") / rounds
+        step_s = seconds(lambda: _repeat(run._train_step, rounds), "cpu") / rounds
     for step in range(SLOTS):
         batches(step)
     steps = range(SLOTS, SLOTS + SLOTS * STEPS_PER_POOL)  # every slot gets a new pool once
@@ -86,7 +91,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=4)
     args = parser.parse_args()
     device, gpu = args.device, args.device.startswith("cuda")
-    side = batches_of(load_recipe("fast-9x9"), [0])[0].cut.side_px + CROP_FREEDOM_PX
+    side = Cut.of(load_recipe("fast-9x9")).side_px + CROP_FREEDOM_PX
     pool_options = Options(size=(side, side))
     report: dict[str, object] = {
         "machine": torch.cuda.get_device_name() if gpu else args.machine,

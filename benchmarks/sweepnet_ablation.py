@@ -1,6 +1,6 @@
 """What each part of SweepNet is worth: the shipped weights learn to do without it.
 
-    python benchmarks/sweepnet_ablation.py --machine "2 vCPU Xeon" \\
+    python -m benchmarks.sweepnet_ablation --machine "2 vCPU Xeon" \\
         -o benchmarks/results/sweepnet_ablation.json
 
 Every variant starts from the shipped weights with a part taken out, and learns for `--steps` steps
@@ -72,8 +72,8 @@ def _whole_directions() -> None:
         )
         return eight.expand(-1, -1, 2, -1, -1, -1).flatten(1, 3), slopes, matches
 
-    matching.Views.costs = mixed  # type: ignore[method-assign]
-    matching.Views.least_squares = mixed_squares  # type: ignore[method-assign,assignment]
+    matching.Views.costs = mixed
+    matching.Views.least_squares = mixed_squares
 
 
 def _no_gathered_costs() -> None:
@@ -108,10 +108,10 @@ def _without(skipped: int) -> Callable[[], None]:
             def __init__(self, config: sweepnet.SweepNetConfig) -> None:
                 super().__init__(config)
                 for place, refine in enumerate(self.refine):
-                    refine.place = place  # type: ignore[assignment]
+                    refine.place = place
 
-        recipe.SweepNet = Skipping  # type: ignore[misc]
-        sweepnet._Refine.forward = skipping  # type: ignore[assignment]
+        recipe.SweepNet = Skipping
+        sweepnet._Refine.forward = skipping
 
     return patch
 
@@ -128,7 +128,7 @@ def _shaped(
             self.config = change(self.config)
             return hypotheses(self, *args)
 
-        sweepnet.SweepNet.hypotheses = shaped  # type: ignore[method-assign]
+        sweepnet.SweepNet.hypotheses = shaped
 
     return patch
 
@@ -144,7 +144,7 @@ def _no_fill() -> None:
     def without(self: sweepnet._Fill, swept: Tensor, *args: Tensor) -> tuple[Tensor, ...]:
         return swept, *forward(self, swept, *args)[1:]
 
-    sweepnet._Fill.forward = without  # type: ignore[assignment]
+    sweepnet._Fill.forward = without
 
 
 def _no_neighbours() -> None:
@@ -167,7 +167,7 @@ def _no_context() -> None:
         filled, context, weights = forward(self, *args)
         return filled, torch.zeros_like(context), weights
 
-    sweepnet._Fill.forward = without  # type: ignore[assignment]
+    sweepnet._Fill.forward = without
 
 
 def _no_classes() -> None:

@@ -1,6 +1,6 @@
 """The paper's recipe beside ours: the same scenes, the same machine, the same time.
 
-    OMP_NUM_THREADS=1 python benchmarks/training_curves.py --minutes 10 --machine "2 vCPU Xeon" \\
+    OMP_NUM_THREADS=1 python -m benchmarks.training_curves --minutes 10 --machine "2 vCPU Xeon" \\
         -o benchmarks/results/training_curves.json
 
 Renders 16 scenes to train on (as many as the paper has) and validates on small rendered ones of
@@ -22,8 +22,8 @@ from typing import Any
 
 import torch
 from matplotlib.figure import Figure
-from real_light_fields import constant_map
 
+from benchmarks.real_light_fields import constant_map
 from epinet.synth.dataset import write_dataset
 from epinet.synth.generator import VERSION
 from epinet.synth.options import Options

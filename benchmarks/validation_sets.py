@@ -1,7 +1,7 @@
 """Score the shipped weights on the two validation sets, part by part.
 
     epinet validation && make pathtraced
-    python benchmarks/validation_sets.py -o benchmarks/results/validation_sets.json \\
+    python -m benchmarks.validation_sets -o benchmarks/results/validation_sets.json \\
         --picture docs/images/hard_parts.jpg
 
 Rendered scenes (`epinet validation`) count by part, path-traced ones (`make pathtraced`) singly;
@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from truth import judged_truth
 
+from benchmarks.truth import judged_truth
 from epinet import load_model, read_light_field
 from epinet.metrics.disparity import score
 from epinet.model.checkpoint import MODELS, load_weights

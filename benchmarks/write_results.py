@@ -1,6 +1,6 @@
 """Write docs/results.md from the shipped weights and the runs saved in benchmarks/results.
 
-    python benchmarks/write_results.py
+    python -m benchmarks.write_results
 
 Nothing is measured here: every figure stands in a JSON file that another script of this folder
 wrote, or in the metadata of the weights.
@@ -23,7 +23,7 @@ RESULTS = ROOT / "benchmarks" / "results"
 PAGE = ROOT / "docs" / "results.md"
 HEAD = """# Results
 
-Written by `python benchmarks/write_results.py` from the runs saved in
+Written by `python -m benchmarks.write_results` from the runs saved in
 [benchmarks/results](../benchmarks/results) and from what the weights say of themselves. Scores are
 those of the 4D Light Field Benchmark: BadPix in percent of the pixels, MSE x100 in px^2, a border
 of 15 px left out."""
@@ -67,7 +67,7 @@ def weights() -> Iterator[str]:
     report = read("held_out")
     yield (
         "Trained on rendered scenes alone. Steps, minutes and machine are those of the last run, "
-        "after the weights that it starts from. Scores: `python benchmarks/held_out.py -o FILE`, "
+        "after the weights that it starts from. Scores: `python -m benchmarks.held_out -o FILE`, "
         f"16 small rendered scenes ({report['generator']}) of held-out textures and shapes, "
         "mirrors left out."
     )
@@ -113,7 +113,7 @@ def real() -> Iterator[str]:
     report = read("real_light_fields")
     yield "## Real light fields"
     yield (
-        f"`python benchmarks/real_light_fields.py FOLDER` on {report['machine']}. Nothing is "
+        f"`python -m benchmarks.real_light_fields FOLDER` on {report['machine']}. Nothing is "
         "trained on them. The references are the maps of the reference implementation; mirrors are "
         "left out on `kitchen`. Time and memory are those of the whole command."
     )
@@ -135,7 +135,7 @@ def validation() -> Iterator[str]:
     report = read("validation_sets")
     yield "## Validation sets"
     yield (
-        f"`python benchmarks/validation_sets.py -o FILE` on {report['machine']}; what the parts "
+        f"`python -m benchmarks.validation_sets -o FILE` on {report['machine']}; what the parts "
         "are: [scenes](scenes.md). "
         "Mirrors and panes are left out everywhere but in "
         "`reflective` and `mirrors`. EPINET sees the part `wide` at a seventh of its size."
@@ -157,7 +157,7 @@ def ablation() -> Iterator[str]:
     report = read("sweepnet_ablation")
     yield "## What each part of SweepNet is worth"
     yield (
-        f"`python benchmarks/sweepnet_ablation.py -o FILE` on {report['machine']}, one "
+        f"`python -m benchmarks.sweepnet_ablation -o FILE` on {report['machine']}, one "
         "thread each: a part is taken out of the shipped weights, which learn for "
         f"{report['steps']} steps of their recipe in small patches to do without it, on the same "
         "scenes in the same order; as long where nothing is taken out. Longer training would win "
@@ -190,7 +190,7 @@ def cost() -> Iterator[str]:
     report = read("models")
     yield "## Cost"
     yield (
-        f"`python benchmarks/models.py` on {report['machine']}, {report['threads']} threads, "
+        f"`python -m benchmarks.models` on {report['machine']}, {report['threads']} threads, "
         "float32: a rendered light field of 9x9 views of 512x512 px (multiply-adds: for -4..4 px); "
         "medians of several rounds, with and without reading the range off the views and making "
         "the confidence map."
@@ -215,7 +215,7 @@ def calibration() -> Iterator[str]:
     report = read("calibration")
     yield "## SweepNet's expected error"
     yield (
-        f"`python benchmarks/calibration.py -o FILE` on {report['machine']}, the "
+        f"`python -m benchmarks.calibration -o FILE` on {report['machine']}, the "
         f"{report['pixels']:,} valid pixels of the rendered validation set in ten classes by "
         "expected error."
     )
@@ -242,7 +242,7 @@ def curves() -> Iterator[str]:
     constant = report["constant_map"]
     yield "## The paper's recipe and ours"
     yield (
-        f"`python benchmarks/training_curves.py --minutes {report['minutes']:g} -o FILE`: the same "
+        f"`python -m benchmarks.training_curves --minutes {report['minutes']:g} -o FILE`: the same "
         f"{report['scenes']} rendered scenes, the same CPU time, {report['machine']}, float32; "
         "validated on small rendered scenes of held-out kinds, mirrors left out."
     )

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
-from torch import nn
 
 from epinet.model.epinet import Epinet
 
@@ -36,7 +36,7 @@ def write_keras(path: Path, net: Epinet) -> None:
                 group[key] = arrays[key]
 
 
-def _blocks(part: str, sequence: nn.Module) -> Arrays:
+def _blocks(part: str, sequence: Any) -> Arrays:
     arrays: dict[str, NDArray[np.float32]] = {}
     for i, (first, _, second, norm, _) in enumerate(sequence.children()):
         arrays |= _conv(f"{part}_c1{i}", first) | _conv(f"{part}_c2{i}", second)
@@ -50,6 +50,6 @@ def _blocks(part: str, sequence: nn.Module) -> Arrays:
     return arrays
 
 
-def _conv(name: str, conv: nn.Module) -> dict[str, NDArray[np.float32]]:
+def _conv(name: str, conv: Any) -> dict[str, NDArray[np.float32]]:
     kernel = conv.weight.detach().numpy().transpose(2, 3, 1, 0)  # (height, width, in, out)
     return {f"{name}/kernel:0": kernel, f"{name}/bias:0": conv.bias.detach().numpy()}

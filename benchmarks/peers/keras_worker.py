@@ -16,10 +16,10 @@ import keras
 import numpy as np
 import tensorflow as tf
 from keras.layers import Activation, BatchNormalization, Concatenate, Conv2D, Input
-from measurements import measured
+from measurements import measured  # beside this file
 
 
-def blocks(part, count, channels_in, channels):
+def blocks(part: str, count: int, channels_in: int, channels: int) -> keras.Model:
     """`count` times conv - ReLU - conv - BN - ReLU."""
     layers = [Input((None, None, channels_in))]
     for i in range(count):
@@ -33,7 +33,7 @@ def blocks(part, count, channels_in, channels):
     return keras.Sequential(layers)
 
 
-def define_epinet(views, width):
+def define_epinet(views: int, width: int) -> keras.Model:
     stacks = [Input((None, None, views)) for _ in range(4)]
     merged = Concatenate()([blocks("S1", 3, views, width)(stack) for stack in stacks])
     merged = blocks("S2", 7, 4 * width, 4 * width)(merged)
@@ -48,7 +48,7 @@ def define_epinet(views, width):
     return keras.Model(stacks, end(merged))
 
 
-def main():
+def main() -> None:
     weights, stacks_file, output, threads, repeats = sys.argv[1:]
     tf.config.threading.set_intra_op_parallelism_threads(int(threads))
     tf.config.threading.set_inter_op_parallelism_threads(1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,7 +25,7 @@ def save_picture(
 ) -> None:
     """Above, a point for each method and set; below, the maps of one scene and their errors."""
     figure = Figure(figsize=(13, 8.6), layout="constrained", dpi=100)
-    above, below = figure.subfigures(2, 1, height_ratios=(1, 1.25))
+    above, below = cast(Any, figure.subfigures(2, 1, height_ratios=(1, 1.25)))
     _accuracy_against_time(above, report)
     _maps(below, lf, maps)
     figure.savefig(path)

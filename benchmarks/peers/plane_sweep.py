@@ -8,6 +8,7 @@ views of the star; the least cost wins, and a parabola through it and its neighb
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 from epinet.angular import star_positions
 from epinet.lightfield import LightField
 
-Array = NDArray[np.float32]
+Array = NDArray[Any]
+"""Of float32."""
 
 SPACING_PX = 0.1
 """Between hypotheses: .4 px in the outermost views of nine."""
