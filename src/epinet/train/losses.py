@@ -17,7 +17,7 @@ CLASSES, ERROR = 0.2, 0.02
 EARLIER = 0.5
 """Weight of each map before the last."""
 FAR = 0.1
-"""Share of the plain absolute error beside the robust one, so that gross errors count."""
+"""Share of the plain absolute error in the robust one, so that gross errors count."""
 
 
 def batch_loss(net: Network, batch: Batch, recipe: Recipe) -> Tensor:
@@ -51,7 +51,7 @@ def sweepnet_loss(
     for k, map_ in enumerate(estimates.maps):
         error = (_inner(map_) - disparity).abs()
         share = 1.0 if k == len(estimates.maps) - 1 else EARLIER
-        loss = loss + share * _mean(_robust(error, scale_px) + FAR * error, weight)
+        loss = loss + share * _mean(_robust(error, scale_px), weight)
     # Laplace's distribution about the last map, which this term leaves alone.
     log_error = _inner(estimates.log_error)
     unlikely = error.detach() * torch.exp(-log_error) + log_error
@@ -74,7 +74,9 @@ def _inner(map_: Tensor) -> Tensor:
 
 
 def _robust(error: Tensor, scale_px: float | None) -> Tensor:
-    return error if scale_px is None else scale_px * torch.log1p(error / scale_px)
+    if scale_px is None:
+        return error
+    return scale_px * torch.log1p(error / scale_px) + FAR * error
 
 
 def _mean(loss: Tensor, weight: Tensor) -> Tensor:
