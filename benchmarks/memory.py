@@ -12,7 +12,6 @@ from __future__ import annotations
 import resource
 import subprocess
 import sys
-from typing import TypeVar
 
 import torch
 
@@ -24,22 +23,16 @@ from epinet.synth.options import RANGES_PX
 SIDES_PX = {"epinet": (1, 96, 192, 384), "hci": (32, 256, 512, 768), "narrow": (32, 256, 512, 768)}
 """For EPINET, and for SweepNet by range."""
 
-N = TypeVar("N", Epinet, SweepNet)
-
-
-def _laid_out(net: N) -> N:
-    """As a model is when it predicts."""
-    return net.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]
-
 
 def peak_mb(model: str, side: int) -> float:
     """Peak memory of a process that computes one tile."""
     stacks = torch.zeros(4, 9, side, side)
-    if model == "epinet":
-        run_tiled(_laid_out(Epinet()), stacks, side)
+    net = Epinet() if model == "epinet" else SweepNet()
+    net.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    if isinstance(net, Epinet):
+        run_tiled(net, stacks, side)
     else:
-        sweepnet = _laid_out(SweepNet())
-        run_overlapping(sweepnet, stacks, RANGES_PX[model], 1e6)
+        run_overlapping(net, stacks, RANGES_PX[model], 1e6)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 

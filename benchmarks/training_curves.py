@@ -41,10 +41,11 @@ TIMED_STEPS = 12
 VALIDATIONS = 12
 
 
-def trained(data: Path, minutes: float, folder: Path, name: str) -> dict[str, Any]:
+def trained(
+    data: Path, minutes: float, folder: Path, held_out: Validation, name: str
+) -> dict[str, Any]:
     """Recipe and history of a run of about so many minutes, validations left out."""
     torch.set_num_threads(1)  # CPU time is time only then
-    held_out = Validation.rendered(9, Options().disparity_px)
     same: dict[str, Any] = {"data": [{"folder": str(data)}], "bf16": False}
     recipe = load_recipe(name, same)
     with TemporaryDirectory() as trial:
@@ -100,7 +101,7 @@ def main() -> None:
     data = args.cache / "scenes"
     write_dataset(data, Options(), SEED, SCENES, star_only=True, existing="resume")
     held_out = Validation.rendered(9, Options().disparity_px)
-    work = partial(trained, data, args.minutes, args.cache)
+    work = partial(trained, data, args.minutes, args.cache, held_out)
     spawned = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(len(RECIPES), spawned) as processes:
         runs = dict(zip(RECIPES, processes.map(work, RECIPES), strict=True))
