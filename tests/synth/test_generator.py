@@ -178,6 +178,26 @@ def test_floors_begin_within_the_picture_and_lean_more():
     assert np.mean(steep[1.0]) > 2 * np.mean(steep[0.0])
 
 
+def test_the_light_of_near_lamps_falls_off_and_stays_where_it_falls():
+    """On a flat surface without texture or shadow; other lamps light all of it alike."""
+    spreads = {}
+    for near_lamps in (0.0, 1.0):
+        options = replace(MATTE, textureless=1.0, surfaces=(0, 1), near_lamps=near_lamps)
+        spreads[near_lamps] = []
+        for k in range(6):
+            scenes, _ = draw_scene(options, 9, k)
+            scenes.light.shade_strength.zero_()
+            _, surface = truth(scenes)
+            flat = surface[~scenes.materials.curved[0, surface.long()]]
+            if len(flat):
+                seen = render(scenes, [(0, 0)], Lens(samples=1))[0, 0, 0]
+                seen = seen[surface[0, 0] == flat.mode().values]
+                spreads[near_lamps].append((seen.max() - seen.min()).item())
+    assert max(spreads[0.0]) < 1e-3 and np.mean(spreads[1.0]) > 0.02
+    moved = torch.cat([residuals(replace(MATTE, near_lamps=1.0), 9, k) for k in range(3)])
+    assert moved.median() < 0.01
+
+
 @pytest.mark.parametrize("bounds", [(-1.0, 1.0), (-4.0, 4.0), (-25.0, 5.0), (2.0, 3.0)])
 def test_disparities_keep_to_the_range(bounds):
     options = Options(size=(64, 64), disparity_px=bounds)

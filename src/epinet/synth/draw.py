@@ -83,7 +83,7 @@ def draw_scenes(g: Generator, count: int, options: Options, bank: Bank) -> Scene
     quadrics = _draw_quadrics(dice, place, there & (kind >= 0.45) & (kind < 0.78))
     boxes = _draw_boxes(dice, place, there & (kind >= 0.78))
     reliefs = _draw_reliefs(dice, place)
-    light = draw_light(dice, count, depth_px, focal_px, len(bank.shades))
+    light = draw_light(dice, options, longest, depth_px, focal_px, len(bank.shades))
     materials = draw_materials(dice, options, light, planes, quadrics, reliefs, boxes)
     scenes = Scenes(options.size, planes, quadrics, boxes, reliefs, materials, light, bank)
     return scenes.to(bank.textures.device)

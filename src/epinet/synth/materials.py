@@ -16,8 +16,12 @@ from epinet.synth.shade import diffuse
 from epinet.synth.surfaces import Boxes, Planes, Quadrics, Reliefs
 
 
-def draw_light(dice: Dice, count: int, depth_px: Tensor, focal_px: Tensor, shades: int) -> Light:
-    """A lamp, ambient light and soft shadows for each of `count` scenes."""
+def draw_light(
+    dice: Dice, options: Options, longest: int, depth_px: Tensor, focal_px: Tensor, shades: int
+) -> Light:
+    """A lamp, ambient light and soft shadows for each of the scenes, whose pictures, or those that
+    they are windows into, are `longest` px wide or high."""
+    count = len(depth_px)
     towards = torch.randn(count, 3, generator=dice.g)
     towards[:, 2] = towards[:, 2].abs() + 0.3
     direction = F.normalize(towards, dim=-1)
@@ -30,9 +34,20 @@ def draw_light(dice: Dice, count: int, depth_px: Tensor, focal_px: Tensor, shade
     lean = direction[:, :2] / direction[:, 2:].clamp_min(0.2) * depth_px[:, None]
     per_d = -(linear @ lean[..., None])
     at_0 = dice.uniform(0, SHADE_SIDE, count, 2, 1)
+    brightest, reach = torch.zeros(count, 3), torch.full((count, 3), math.inf)
+    if options.near_lamps:
+        low, high = options.disparity_px
+        near = dice.chance(options.near_lamps, count, 1)
+        half = dice.log_uniform(0.05, 1, count, 1) * longest
+        half = torch.cat([half, half, torch.full_like(half, high - low)], 1)
+        # Where the light is strongest is so near to the picture's middle that it falls off there.
+        brightest = half * dice.uniform(-1, 1, count, 3)
+        reach = torch.where(near, half, reach)
     return Light(
         direction=direction,
         ambient=dice.uniform(0.1, 0.9, count),
+        brightest=brightest,
+        reach=reach,
         depth_px=depth_px,
         focal_px=focal_px,
         shade=dice.integers(0, shades - 1, count),
@@ -76,7 +91,7 @@ def draw_materials(
     tint = torch.where(curved[..., None], tint, tint * lit[..., None])
     glossy = dice.chance(options.highlights, count, number)
     strength = torch.where(glossy, dice.uniform(0.05, 0.9, count, number), 0.0)
-    exponent = dice.log_uniform(6, 400, count, number)
+    exponent = dice.log_uniform(*options.gloss, count, number)
     mirrors = dice.chance(options.reflective, count, number)
     share = torch.where(mirrors, dice.uniform(0.1, 0.95, count, number), 0.0)
     low, high = options.disparity_px

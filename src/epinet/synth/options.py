@@ -50,6 +50,17 @@ class Faults:
         )
 
 
+SHARES = (
+    "textureless",
+    "thin",
+    "reflective",
+    "highlights",
+    "near_lamps",
+    "clutter",
+    "floors",
+)
+
+
 @dataclass(frozen=True)
 class Options:
     """Everything but the seed that decides which scenes are drawn."""
@@ -72,6 +83,10 @@ class Options:
     """Share of surfaces that mirror, or let through, a second scene."""
     highlights: float = 0.25
     """Share of surfaces with a highlight that moves with the view."""
+    gloss: tuple[float, float] = (6.0, 400.0)
+    """Bounds of the highlights' exponents: small ones spread over all of a surface."""
+    near_lamps: float = 0.0
+    """Share of scenes whose lamp is near, so that its light falls off along surfaces."""
     surfaces: tuple[int, int] = (10, 40)
     """Fewest and most objects in front of the background."""
     clutter: float = 0.6
@@ -95,11 +110,13 @@ class Options:
             problems.append(f"the number of surfaces {self.surfaces} is impossible")
         if self.samples < 1:
             problems.append(f"{self.samples} rays per pixel: at least 1")
-        for name in ("textureless", "thin", "reflective", "highlights", "clutter", "floors"):
+        for name in SHARES:
             if not 0 <= getattr(self, name) <= 1:
                 problems.append(f"{name} is a share of 0..1, not {getattr(self, name):g}")
         if not 0 <= self.contrast[0] <= self.contrast[1] <= 1:
             problems.append(f"contrast is a range inside 0..1, not {self.contrast}")
+        if not 1 <= self.gloss[0] <= self.gloss[1]:
+            problems.append(f"gloss is a range from 1 on, not {self.gloss}")
         for f in fields(self.faults):
             if getattr(self.faults, f.name) < 0:
                 problems.append(f"the strength of {f.name} must not be negative")

@@ -45,6 +45,11 @@ class Light:
     """(B, 3) unit vector towards the lamp; its third component points at the viewer."""
     ambient: Tensor
     """(B,) share of light without a direction."""
+    brightest: Tensor
+    """(B, 3) X, Y and d where a near lamp's light is strongest."""
+    reach: Tensor
+    """(B, 3) distance from there, along each, at which half of it is left; a far lamp's is
+    infinite."""
     depth_px: Tensor
     """(B,): focus distance / baseline, px per unit of disparity."""
     focal_px: Tensor

@@ -30,7 +30,7 @@ def shade(scenes: Scenes, rays: Rays, d: Tensor, surface: Tensor) -> Tensor:
     tint = tint.mean(-1, keepdim=True) if gray else tint
     colour = sample(scenes.bank.textures, m.tile.view(-1).index_select(0, index), u, v)
     colour = colour * tint.index_select(0, index)
-    colour = _shadowed(scenes, colour, at)
+    colour = _near_lit(scenes, _shadowed(scenes, colour, at), at)
     colour = _lit(scenes, rays, colour, at, index, d.shape)
     return colour.clamp_(0, 1).view(*d.shape, -1)
 
@@ -54,6 +54,17 @@ def _shadowed(scenes: Scenes, colour: Tensor, at: Points) -> Tensor:
     u, v = (_affine(light.shade_texels[:, row].T[..., None], tuple(points)) for row in (0, 1))
     shadow = sample(scenes.bank.shades, light.shade[:, None], u, v)
     return colour * (1 - light.shade_strength[:, None, None] * shadow).view(-1, 1)
+
+
+def _near_lit(scenes: Scenes, colour: Tensor, at: Points) -> Tensor:
+    light = scenes.light
+    if not light.reach.isfinite().any():
+        return colour
+    away = torch.zeros_like(at[0]).view(len(light.reach), -1)
+    for t, brightest, reach in zip(at, light.brightest.T, light.reach.T, strict=True):
+        away += ((t.view_as(away) - brightest[:, None]) / reach[:, None]) ** 2
+    ambient = light.ambient[:, None]
+    return colour * (ambient + (1 - ambient) / (1 + away)).view(-1, 1)
 
 
 def _lit(
