@@ -39,6 +39,8 @@ from epinet.train.run import Run
 
 RECIPE = "sweepnet"
 KEYS = ("badpix_0.07", "badpix_0.03", "mse_x100")
+Shown = tuple[Tensor, matching.Squares, matching.Squares, matching.Squares]
+NO_FLOORS = {"generator": "hci", "options": {"highlights": 0.5}}
 
 
 @dataclass(frozen=True)
@@ -61,16 +63,15 @@ def _whole_directions() -> None:
 
     least_squares = matching.Views.least_squares
 
-    def mixed_squares(
-        self: matching.Views, *args: Any, **options: Any
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        residuals, slopes, matches = least_squares(self, *args, **options)
+    def mixed_squares(self: matching.Views, *args: Any, **options: Any) -> Shown:
+        residuals, *squares = least_squares(self, *args, **options)
         eight = residuals.unflatten(1, (4, 2, -1)).mean(2, keepdim=True)
-        slopes, matches = (
-            t.unflatten(1, (4, 2)).mean(2, keepdim=True).expand(-1, -1, 2, -1, -1).flatten(1, 2)
-            for t in (slopes, matches)
+        pairs = ([t.unflatten(1, (4, 2)).mean(2, keepdim=True) for t in arms] for arms in squares)
+        own, wide, fine = (
+            matching.Squares(*(t.expand(-1, -1, 2, -1, -1).flatten(1, 2) for t in pair))
+            for pair in pairs
         )
-        return eight.expand(-1, -1, 2, -1, -1, -1).flatten(1, 3), slopes, matches
+        return eight.expand(-1, -1, 2, -1, -1, -1).flatten(1, 3), own, wide, fine
 
     matching.Views.costs = mixed
     matching.Views.least_squares = mixed_squares
@@ -151,8 +152,28 @@ def _no_neighbours() -> None:
     sweepnet._neighbours = lambda images, side, apart_px: images.expand(-1, side**2, -1, -1)
 
 
-def _one_window() -> None:
-    sweepnet.BOXES_PX = (5,) * len(sweepnet.BOXES_PX)
+def _two_windows() -> None:
+    sweepnet.BOXES_PX = (5, 5, 15, 15)
+
+
+def _own_slopes() -> None:
+    least_squares = matching.Views.least_squares
+
+    def noisy(self: matching.Views, *args: Any, **options: Any) -> Shown:
+        residuals, own, *_ = least_squares(self, *args, **options)
+        return residuals, own, own, own
+
+    matching.Views.least_squares = noisy
+
+
+def _all_textures() -> None:
+    least_squares = matching.Views.least_squares
+
+    def whole(self: matching.Views, *args: Any, **options: Any) -> Shown:
+        residuals, own, wide, _ = least_squares(self, *args, **options)
+        return residuals, own, wide, wide
+
+    matching.Views.least_squares = whole
 
 
 def _linear() -> None:
@@ -189,13 +210,15 @@ VARIANTS = {
     "half": Variant("the refinement at half resolution", patch=_without(0)),
     "full": Variant("the refinement at full resolution", patch=_without(1)),
     "rounds": Variant("the second round of both refinements", patch=_shaped(_once)),
-    "windows": Variant("choice among windows of least squares: all 5 px", patch=_one_window),
+    "windows": Variant("windows of 1 and 45 px for least squares", patch=_two_windows),
+    "slopes": Variant("slopes of the mean of all views: the arms' own", patch=_own_slopes),
+    "fine": Variant("telling fine texture from what is smooth", patch=_all_textures),
     "neighbours": Variant("choice among neighbours", patch=_no_neighbours),
     "cubic": Variant("cubic interpolation in the last round", patch=_linear),
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
     "classes": Variant("the classification of hypotheses in the loss", patch=_no_classes),
     "alike": Variant("weights by what the views tell: all pixels alike", {"least_weight": 1.0}),
-    "floors": Variant("scenes with floors", {"data": [{"generator": "hci"}]}),
+    "floors": Variant("scenes with floors", {"data": [NO_FLOORS]}),
 }
 """By what is taken out."""
 

@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
-from epinet.model.matching import ARMS, OUTERMOST, Views, _leaning, gathered, sampled
+from epinet.model.matching import ARMS, OUTERMOST, Squares, Views, _leaning, gathered, sampled
 from epinet.model.sweepnet import SweepNet, SweepNetConfig
 
 SIDE_PX = 48
+INNER = (..., slice(12, -12), slice(12, -12))
 
 
 def texture(x, y):
@@ -127,16 +128,49 @@ def test_a_faint_floor_stands_out_where_costs_are_gathered_along_it():
     assert wide.shape == (1, 17, 4, 64, 48) and distinct.shape == (1, 2, 64, 48)
 
 
+def _steps(squares: Squares):
+    """What each arm (B, 8) asks for."""
+    return squares.slopes[INNER].sum((2, 3)) / squares.matches[INNER].sum((2, 3))
+
+
 @pytest.mark.parametrize("views", [3, 9])
 @pytest.mark.parametrize("error", [-0.1, 0.05])
 def test_least_squares_ask_for_the_error_of_an_estimate(views, error):
     unit = OUTERMOST / (views // 2)
     seen = Views(plane(0.63 * unit, views))
     estimate = torch.full((1, 1, SIDE_PX, SIDE_PX), 0.63 + error)
-    _, slopes, matches = seen.least_squares(estimate, 0.1)
-    inner = (..., slice(12, -12), slice(12, -12))
-    step = slopes[inner].sum((2, 3)) / matches[inner].sum((2, 3))
-    assert step.numpy() == pytest.approx(-error, abs=0.01)
+    _, *squares = seen.least_squares(estimate, 0.1)
+    for of_arms in squares:
+        assert _steps(of_arms).numpy() == pytest.approx(-error, abs=0.01)
+
+
+def test_slopes_of_the_mean_of_all_views_are_not_misled_by_noise():
+    """The arms' own slopes, squared, hold their noise, so that they ask for too little."""
+    noise = torch.randn(1, 4, 9, 96, 96, generator=torch.Generator().manual_seed(3))
+    noise[:, :, 4] = noise[:, :1, 4]  # of the one centre view
+    stacks = 0.5 + 0.1 * (plane(0.63, side=96) - 0.5) + 0.01 * noise
+    estimate = torch.full((1, 1, 96, 96), 0.63 + 0.1)
+    _, own, wide, _ = Views(stacks).least_squares(estimate, 0.1)
+    asked = [
+        squares.slopes[INNER].sum((1, 2, 3)) / squares.matches[INNER].sum((1, 2, 3))
+        for squares in (own, wide)
+    ]
+    assert -0.05 < asked[0] < 0
+    assert asked[1].item() == pytest.approx(-0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("views", [5, 9])
+def test_fine_texture_tells_a_shine_that_moves_with_the_view_from_disparity(views):
+    """The light falls off down the picture, and the whole of it darkens from view to view."""
+    y = torch.arange(float(SIDE_PX)).view(-1, 1)
+    steps = torch.tensor([p for d in DIRECTIONS_DEG for p in direction_positions(d, views)])
+    down = (steps[:, 0] - views // 2).view(1, 4, views, 1, 1)
+    stacks = 0.05 * plane(0.63, views) + 0.004 * (y + 0.63 * down) - 0.001 * down
+    estimate = torch.full((1, 1, SIDE_PX, SIDE_PX), 0.63 / (OUTERMOST / (views // 2)))
+    vertical = [k for k, (*_, row, col) in enumerate(ARMS) if row and not col]
+    _, _, whole, fine = Views(stacks).least_squares(estimate, 0.1)
+    whole_px, fine_px = (_steps(squares)[:, vertical].abs() for squares in (whole, fine))
+    assert (fine_px < 0.01).all() and (whole_px > 0.05).all()
 
 
 @pytest.mark.parametrize(("place", "rows", "cols"), [(0, -4, -4), (12, 0, 0), (14, 0, 4)])

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -19,12 +20,14 @@ from torch.nn import functional as F
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.contrast import local_statistics
 from epinet.shifts import shifted
-from epinet.squares import extremes
+from epinet.squares import box_mean, extremes
 
 UNIT_WINDOW_PX = 9
 """The local contrast of the centre view is taken over this square."""
 FLOOR = 0.003
 """Contrast well below this, near a gray level of 255, counts as noise."""
+FINE_PX = 7
+"""Differences less their mean over this square do not see a shine that moves with the view."""
 OUTERMOST = 4
 """Distance of the outermost views from the centre in the network's own unit of baseline."""
 LEANS = (
@@ -54,6 +57,16 @@ PARTS = 4 * len(ARMS)
 """Each arm's inner and outer views are told apart, since the inner ones see around more edges; and
 differences count in two units: the contrast around a pixel, and the least of those of the squares
 that hold it, or faint texture beside a strong edge would go unseen."""
+
+
+class Squares(NamedTuple):
+    """Least squares of each arm's differences to the centre view, pixel by pixel; the step that its
+    views ask for is slopes / matches, each over a window."""
+
+    slopes: Tensor
+    """(B, 8, H, W) differences times slope."""
+    matches: Tensor
+    """(B, 8, H, W) slope times slope."""
 
 
 class Views:
@@ -91,8 +104,16 @@ class Views:
 
     def least_squares(
         self, disparity: Tensor, spread_px: float, *, cubic: bool = False
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> tuple[Tensor, Squares, Squares, Squares]:
         """Of views moved by an estimate (B, 1, H, W).
+
+        An arm's own slope, squared, holds its noise squared, too, so that where texture is faint
+        its step is too short. The slope of the mean of all views has little noise, and none in
+        common with the arm's.
+
+        A glossy surface is brighter from one view than from the next, as smoothly as its shading
+        changes from one pixel to the next, and the two together look like another disparity. Fine
+        texture tells: what is left of differences and slopes less their means over FINE_PX.
 
         Args:
             disparity: the estimate; no gradient flows back to it.
@@ -101,21 +122,34 @@ class Views:
 
         Returns:
             residuals (B, 3 * PARTS, H, W), arm by arm, at the estimate, nearer and farther; and
-            of each arm (B, 8, H, W) sums of residual times slope and of slope squared, so that the
-            step which its views ask for is their quotient.
+            least squares with the arms' own slopes, with those of the mean of all views, and with
+            those of fine texture.
         """
         estimates = [disparity, disparity + spread_px, disparity - spread_px]
         residuals = self.gray.new_empty(len(self.gray), 3 * PARTS, *self.gray.shape[2:])
-        slopes, matches = [], []
+        share = self.gray.new_tensor(self.offsets)
+        share = (share / share.square().sum()).view(1, -1, 1, 1)
+        mean = self.gray.clone()
+        slopes, matches, lines = [], [], []
         for (row, col, views), of_arm in zip(self.arms, residuals.chunk(len(ARMS), 1), strict=True):
             moves = [(o * row, o * col) for o in self.offsets]
             at, near, far = (sampled(views, d, moves, cubic=cubic) - self.gray for d in estimates)
             for differences, into in zip((at, near, far), of_arm.chunk(3, 1), strict=True):
                 self._measure(differences, into)
-            at, slope = at / self.unit, (near - far) / (2 * spread_px * self.unit)
+            slope = (near - far) / (2 * spread_px)
             slopes.append(-(at * slope).mean(1, keepdim=True))
             matches.append((slope * slope).mean(1, keepdim=True))
-        return residuals, torch.cat(slopes, 1), torch.cat(matches, 1)
+            # What changes from view to view, as one straight line through the arm's views.
+            lines += [(share * t).sum(1, keepdim=True) for t in (at, slope)]
+            mean += at.sum(1, keepdim=True) / (1 + len(ARMS) * len(self.offsets))
+        unit = self.unit.square()
+        own = Squares(torch.cat(slopes, 1) / unit, torch.cat(matches, 1) / unit)
+        unit = unit * float(share.numel() * share.square().sum())  # as means over the views, too
+        at, slope = torch.cat(lines[::2], 1), torch.cat(lines[1::2], 1)
+        seen = _slopes(mean, self.arms)
+        wide = Squares(-at * seen / unit, slope * seen / unit)
+        at, slope, seen = (t - box_mean(t, FINE_PX) for t in (at, slope, seen))
+        return residuals, own, wide, Squares(-at * seen / unit, slope * seen / unit)
 
     def _measure(self, differences: Tensor, into: Tensor) -> None:
         """Inner and outer mean of an arm's differences (B, P, H, W), in 0..1, in each unit.
@@ -130,6 +164,14 @@ class Views:
             mean = seen.mean(1, keepdim=True)
             for unit, place in zip(self.units, written.chunk(2, 1), strict=True):
                 torch.div(mean, mean + unit, out=place)
+
+
+def _slopes(image: Tensor, arms: Sequence[tuple[int, int, Tensor]]) -> Tensor:
+    """How an image (B, 1, H, W), moved along each arm, changes with disparity: (B, 8, H, W)."""
+    padded = F.pad(image, (1, 1, 1, 1), mode="replicate")
+    down = (padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]) / 2
+    right = (padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]) / 2
+    return torch.cat([-(row * down + col * right) for row, col, _ in arms], 1)
 
 
 def gathered(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:

@@ -30,16 +30,29 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from epinet.model.channels_last import pointwise, softmax
-from epinet.model.matching import ARMS, GATHERED, OUTERMOST, PARTS, Views, enlarged, gathered
+from epinet.model.matching import (
+    ARMS,
+    GATHERED,
+    OUTERMOST,
+    PARTS,
+    Squares,
+    Views,
+    enlarged,
+    gathered,
+)
 from epinet.squares import box_mean
 
 SPAN = 12.0
 """Ranges wider than this, in the network's unit, are searched on smaller pictures."""
 BOXES_PX = (1, 5, 15, 45)
 """Squares over which least squares are taken; a network chooses among them."""
+WIDE_PX = 15
+"""From this side on, squares weigh fine texture against what is smooth."""
 SMOOTHINGS_PX = (3, 9, 25)
 KEPT = 7.0
 """A refinement begins by keeping its own map: by so much its log odds exceed any neighbour's."""
+SMOOTH = -1.5
+"""It begins by trusting what is smooth less than fine texture: by these log odds."""
 SEEN = 2 + PARTS + 2
 """Features of the centre view, least costs, and how distinct the gathered ones are."""
 
@@ -187,14 +200,16 @@ class _Refine(nn.Module):
     def __init__(self, config: RefineConfig, width: int, context: int) -> None:
         super().__init__()
         self.config = config
-        seen = 3 * PARTS + 2 * len(ARMS) + 2 + len(SMOOTHINGS_PX) + context
+        wide = sum(box >= WIDE_PX for box in BOXES_PX)
+        seen = 3 * PARTS + 2 * len(ARMS) + 4 * wide + 2 + len(SMOOTHINGS_PX) + context
         self.first = nn.Conv2d(seen, width, 1)
         self.body = nn.Sequential(*(_Residual(width, d) for d in config.dilations))
-        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, config.side**2)
+        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, 1, config.side**2)
         self.out = nn.Conv2d(width, sum(self.parts), 3, padding=1)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(_bias(self.out))
         with torch.no_grad():
+            _bias(self.out)[sum(self.parts[:2])] = SMOOTH
             _bias(self.out)[sum(self.parts[:-1]) + config.side**2 // 2] = KEPT
 
     def forward(
@@ -203,23 +218,34 @@ class _Refine(nn.Module):
         """The map (B, 1, H, W) refined once, and the logarithm of its expected error."""
         disparity = disparity.detach()
         spread_px = self.config.spread_px
-        residuals, slopes, matches = views.least_squares(disparity, spread_px, cubic=cubic)
-        step = (slopes / (matches + 1e-4) / spread_px).clamp(-2, 2)
-        told = 0.3 * torch.log(matches * spread_px**2 + 1e-5) + 2
+        residuals, own, wide, fine = views.least_squares(disparity, spread_px, cubic=cubic)
+        asked = [own, *(_over(t, box) for box in BOXES_PX if box >= WIDE_PX for t in (wide, fine))]
+        steps = []
+        for slopes, matches in asked:
+            steps.append((slopes / (matches.clamp_min(0) + 1e-4) / spread_px).clamp(-2, 2))
+            steps.append(0.3 * torch.log(matches.clamp_min(0) * spread_px**2 + 1e-5) + 2)
         bumps = [bump / spread_px for bump in _bumps(disparity)]
-        seen = [residuals, torch.cat([step, told, views.centre, *bumps, context], 1)]
+        seen = [residuals, torch.cat([*steps, views.centre, *bumps, context], 1)]
         x = pointwise(seen, self.first.weight, _bias(self.first))
         del seen, residuals  # they are large
         out = self.out(F.relu(self.body(x))).float()
-        weights, choice, more, log_error, kept = out.split(self.parts, 1)
-        weights, choice = weights.clamp(-8, 8).exp(), softmax(choice)
-        slope, match = ((weights * t).sum(1, keepdim=True) for t in (slopes, matches))
+        weights, choice, smooth, more, log_error, kept = out.split(self.parts, 1)
+        weights, choice, smooth = weights.clamp(-8, 8).exp(), softmax(choice), smooth.sigmoid()
+        own, wide, fine = (
+            Squares(*((weights * t).sum(1, keepdim=True) for t in squares))
+            for squares in (own, wide, fine)
+        )
         disparity = disparity + spread_px * more
         for k, box in enumerate(BOXES_PX):
-            moved = box_mean(slope, box) / (box_mean(match, box) + 1e-4)
-            disparity = disparity + choice[:, k : k + 1] * moved.clamp(
-                -2 * spread_px, 2 * spread_px
-            )
+            if box < WIDE_PX:
+                slope, match = (box_mean(t, box) for t in own)
+            else:
+                slope, match = (box_mean(t, box) for t in fine)
+                slope_of_all, match_of_all = (box_mean(t, box) for t in wide)
+                slope = slope + smooth * (slope_of_all - slope)
+                match = match.clamp_min(0) + smooth * (match_of_all - match).clamp_min(0)
+            moved = (slope / (match + 1e-4)).clamp(-2 * spread_px, 2 * spread_px)
+            disparity = disparity + choice[:, k : k + 1] * moved
         around = _neighbours(disparity, self.config.side, self.config.apart_px)
         disparity = (softmax(kept) * around).sum(1, keepdim=True)
         return disparity, log_error + math.log(spread_px)
@@ -330,6 +356,11 @@ def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
     values = hypotheses.view(1, -1, 1, 1)
     mean = (local * values).sum(1, keepdim=True)
     return mean, 1 - certain
+
+
+def _over(squares: Squares, box: int) -> Squares:
+    """Of all arms together, over a square."""
+    return Squares(*(box_mean(t.sum(1, keepdim=True), box) for t in squares))
 
 
 def _bumps(disparity: Tensor) -> list[Tensor]:
