@@ -155,6 +155,15 @@ def test_nothing_foreign_is_removed(tmp_path, foreign):
     assert content(out) == before
 
 
+def test_a_data_set_from_before_an_option_is_continued_where_it_is_off(tmp_path):
+    write_dataset(tmp_path, SMALL, seed=1, scenes=1)
+    record = json.loads((tmp_path / "dataset.json").read_text())
+    assert {"gloss", "near_lamps"}.isdisjoint(record["options"])
+    assert len(write_dataset(tmp_path, SMALL, seed=1, scenes=2, existing="resume")) == 2
+    with pytest.raises(InputError, match="near_lamps"):
+        write_dataset(tmp_path, replace(SMALL, near_lamps=0.5), seed=1, scenes=3, existing="resume")
+
+
 @pytest.mark.parametrize("existing", ["refuse", "resume", "replace"])
 def test_a_folder_of_other_things_is_refused(tmp_path, existing):
     (tmp_path / "scene_00000").mkdir()

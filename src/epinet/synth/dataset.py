@@ -13,7 +13,6 @@ import re
 import shutil
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
@@ -60,7 +59,7 @@ def write_dataset(
         out,
         {f"scene_{index:05d}": options for index in range(scenes)},
         seed,
-        {"options": asdict(options)},
+        {"options": options.as_dict()},
         star_only=star_only,
         truths=truths,
         textures=textures,

@@ -7,8 +7,9 @@ said where it is used.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from types import MappingProxyType
+from typing import Any
 
 from epinet.errors import InputError
 
@@ -59,6 +60,9 @@ SHARES = (
     "clutter",
     "floors",
 )
+
+LATER = ("gloss", "near_lamps")
+"""Options that data sets of rays-8 may not know: what they do not mention has its default."""
 
 
 @dataclass(frozen=True)
@@ -122,3 +126,9 @@ class Options:
                 problems.append(f"the strength of {f.name} must not be negative")
         if problems:
             raise InputError(problems)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a data set's record: without what is later than some and has its default."""
+        values = asdict(self)
+        usual = {name: getattr(Options, name) for name in LATER}
+        return {k: v for k, v in values.items() if k not in usual or v != usual[k]}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +79,7 @@ def make_validation(
         folder,
         {f"{part}_{k}": options for part, each in parts.items() for k, options in enumerate(each)},
         VALIDATION_SEED,
-        {"parts": {part: [asdict(options) for options in each] for part, each in parts.items()}},
+        {"parts": {part: [options.as_dict() for options in each] for part, each in parts.items()}},
         star_only=True,
         device=device,
         existing=existing,
