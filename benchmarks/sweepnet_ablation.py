@@ -195,7 +195,7 @@ VARIANTS = {
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
     "classes": Variant("the classification of hypotheses in the loss", patch=_no_classes),
     "alike": Variant("weights by what the views tell: all pixels alike", {"least_weight": 1.0}),
-    "floors": Variant("scenes with floors", {"data": [{"generator": "hci"}]}),
+    "floors": Variant("scenes with floors", {"data": load_recipe(RECIPE).as_dict()["data"][:1]}),
 }
 """By what is taken out."""
 
