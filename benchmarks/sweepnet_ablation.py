@@ -40,7 +40,6 @@ from epinet.train.run import Run
 RECIPE = "sweepnet"
 KEYS = ("badpix_0.07", "badpix_0.03", "mse_x100")
 Shown = tuple[Tensor, matching.Squares, matching.Squares, matching.Squares]
-NO_FLOORS = {"generator": "hci", "options": {"highlights": 0.5}}
 
 
 @dataclass(frozen=True)
@@ -218,7 +217,7 @@ VARIANTS = {
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
     "classes": Variant("the classification of hypotheses in the loss", patch=_no_classes),
     "alike": Variant("weights by what the views tell: all pixels alike", {"least_weight": 1.0}),
-    "floors": Variant("scenes with floors", {"data": [NO_FLOORS]}),
+    "floors": Variant("scenes with floors", {"data": load_recipe(RECIPE).as_dict()["data"][:1]}),
 }
 """By what is taken out."""
 
