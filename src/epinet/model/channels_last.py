@@ -23,7 +23,8 @@ def pointwise(parts: Sequence[Tensor], weight: Tensor, bias: Tensor) -> Tensor:
     rows = [part.flatten(2).transpose(1, 2) for part in parts]
     flat = F.linear(rows[0], weights[0], bias)
     for row, own in zip(rows[1:], weights[1:], strict=True):
-        flat = torch.baddbmm(flat, row, own.T.expand(len(row), -1, -1))
+        # In place, which autocast leaves alone.
+        flat.baddbmm_(row.to(flat.dtype), own.T.to(flat.dtype).expand(len(row), -1, -1))
     return flat.transpose(1, 2).view(len(flat), -1, *parts[0].shape[-2:])
 
 

@@ -146,10 +146,17 @@ class Views:
         own = Squares(torch.cat(slopes, 1) / unit, torch.cat(matches, 1) / unit)
         unit = unit * float(share.numel() * share.square().sum())  # as means over the views, too
         at, slope = torch.cat(lines[::2], 1), torch.cat(lines[1::2], 1)
-        seen = _slopes(mean, self.arms)
-        wide = Squares(-at * seen / unit, slope * seen / unit)
-        at, slope, seen = (t - box_mean(t, FINE_PX) for t in (at, slope, seen))
-        return residuals, own, wide, Squares(-at * seen / unit, slope * seen / unit)
+        gradients = _gradients(mean)
+        seen = self._slopes(gradients) / unit
+        wide = Squares(-at * seen, slope * seen)
+        at, slope, gradients = (t - box_mean(t, FINE_PX) for t in (at, slope, gradients))
+        seen = self._slopes(gradients) / unit
+        return residuals, own, wide, Squares(-at * seen, slope * seen)
+
+    def _slopes(self, gradients: Tensor) -> Tensor:
+        """How an image of such gradients, moved along each arm, changes with disparity."""
+        down, right = gradients.chunk(2, 1)
+        return torch.cat([-(row * down + col * right) for row, col, _ in self.arms], 1)
 
     def _measure(self, differences: Tensor, into: Tensor) -> None:
         """Inner and outer mean of an arm's differences (B, P, H, W), in 0..1, in each unit.
@@ -166,12 +173,12 @@ class Views:
                 torch.div(mean, mean + unit, out=place)
 
 
-def _slopes(image: Tensor, arms: Sequence[tuple[int, int, Tensor]]) -> Tensor:
-    """How an image (B, 1, H, W), moved along each arm, changes with disparity: (B, 8, H, W)."""
+def _gradients(image: Tensor) -> Tensor:
+    """(B, 2, H, W) of an image (B, 1, H, W): down and to the right; the border repeats."""
     padded = F.pad(image, (1, 1, 1, 1), mode="replicate")
     down = (padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]) / 2
     right = (padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]) / 2
-    return torch.cat([-(row * down + col * right) for row, col, _ in arms], 1)
+    return torch.cat([down, right], 1)
 
 
 def gathered(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:

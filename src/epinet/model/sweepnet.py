@@ -21,7 +21,7 @@ pictures first and refined on the way up.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -147,21 +147,21 @@ class _Sweep(nn.Module):
         self.body = nn.Sequential(*(_Residual(width, d) for d in (1, 2, 4)))
         self.score = nn.Conv2d(width, 1, 3, padding=1)
 
-    def planes(self, cost: Tensor, seen: Tensor) -> Tensor:
-        """Costs (B, D, PARTS + GATHERED, h, w) and what is SEEN -> features (B, D, C, h, w)."""
-        b, count = cost.shape[:2]
-        own, before, after = zip(
-            self.first.weight.chunk(3), _bias(self.first).chunk(3), strict=True
-        )
-        # In the layout of the convolutions, once for all three; these one after the other, for
-        # the sake of memory.
-        costs = [cost.flatten(0, 1).contiguous(memory_format=torch.channels_last)]
-        x = pointwise(costs, *own)
-        planes = x.view(b, count, *x.shape[1:])
-        planes += self.shared(seen)[:, None]
-        planes[:, 1:] += pointwise(costs, *before).view_as(planes)[:, :-1]
-        planes[:, :-1] += pointwise(costs, *after).view_as(planes)[:, 1:]
-        return planes
+    def planes(self, costs: Sequence[Tensor], seen: Tensor) -> Tensor:
+        """Costs, PARTS and GATHERED (B, D, .., h, w), and what is SEEN -> features (B, D, C, h, w).
+
+        A plane sees its own costs and those of the planes before and after it.
+        """
+        weights, biases = self.first.weight.chunk(3), _bias(self.first).chunk(3)
+        shared, count = self.shared(seen), costs[0].shape[1]
+        planes = []
+        for d in range(count):
+            taps = [(k, d + step) for k, step in enumerate((0, -1, 1)) if 0 <= d + step < count]
+            parts = [cost[:, place] for _, place in taps for cost in costs]
+            weight = torch.cat([weights[k] for k, _ in taps], 1)
+            bias = torch.stack([biases[k] for k, _ in taps]).sum(0)
+            planes.append(pointwise(parts, weight, bias).add_(shared).movedim(1, -1))
+        return torch.stack(planes, 1).movedim(-1, 2)
 
     def forward(self, planes: Tensor) -> Tensor:
         """Features (B, D, C, h, w) -> scores (B, D, h, w)."""
@@ -313,7 +313,7 @@ class SweepNet(nn.Module):
             cost = half.costs((hypotheses / side).tolist())
             wide, distinct = gathered(cost.mean(2), self.config.spacing_px)
         seen = torch.cat([half.centre, cost.amin(1), distinct], 1)
-        planes = self.sweep.planes(torch.cat([cost, wide], 2), seen)
+        planes = self.sweep.planes([cost, wide], seen)
         del cost, wide  # they are large
         scores = self.sweep(planes)
         swept, spread = _best(scores, hypotheses / 2**levels)
