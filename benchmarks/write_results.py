@@ -165,11 +165,6 @@ def ablation() -> Iterator[str]:
         "in so few steps. What differs from nothing by no more than its two seeds is undecided."
     )
     yield from older_than_now(report)
-    if "generator" not in report:
-        yield (
-            "They are also older than the last round's cubic interpolation, and their held-out "
-            "scores count mirrors."
-        )
     scores = {"badpix_0.07": "BadPix(.07)", "badpix_0.03": "(.03)", "mse_x100": "MSE x100"}
     rows = [
         [
