@@ -122,7 +122,7 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
         (["learning_rate=.inf"], "learning_rate: Input should be a finite number"),
         (["data=[{generator: hci, share: .inf}]"], "data.0.share: Input should be a finite number"),
         (["mirror_weight=0.1"], "mirror_weight: takes a least_weight and rendered scenes"),
-        (["batch=6", "large_patches=0.5"], "a batch of 1.5 cannot be split in 1 shards"),
+        (["batch=6", "large_patches=0.5"], r"a batch of 1\.5 large patches \(a quarter of 6\)"),
     ],
 )
 def test_impossible_values_are_named(changes, found):

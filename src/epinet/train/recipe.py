@@ -199,9 +199,13 @@ class Recipe(_Model):
             raise ValueError("mirror_weight: takes a least_weight and rendered scenes alone")
         if not any(self.scale_weights):
             raise ValueError("scale_weights: at least one must be greater than 0")
-        fewest = self.batch if not self.large_patches else self.batch / 4
-        if fewest % self.shards:
-            raise ValueError(f"a batch of {fewest:g} cannot be split in {self.shards} shards")
+        if self.batch % self.shards:
+            raise ValueError(f"a batch of {self.batch} cannot be split in {self.shards} shards")
+        if self.large_patches and self.batch % (4 * self.shards):
+            raise ValueError(
+                f"a batch of {self.batch / 4:g} large patches (a quarter of {self.batch}) "
+                f"cannot be split in {self.shards} shards"
+            )
         if self.final_learning_rate > self.learning_rate:
             raise ValueError("final_learning_rate is greater than learning_rate")
         if self.decay == "exponential" and self.final_learning_rate == 0:
