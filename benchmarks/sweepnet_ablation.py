@@ -155,24 +155,22 @@ def _two_windows() -> None:
     sweepnet.BOXES_PX = (5, 5, 15, 15)
 
 
-def _own_slopes() -> None:
-    least_squares = matching.Views.least_squares
+def _squares(
+    choose: Callable[[list[matching.Squares]], list[matching.Squares]],
+) -> Callable[[], None]:
+    """Other least squares than the arms' own, those of the mean and those of fine texture."""
 
-    def noisy(self: matching.Views, *args: Any, **options: Any) -> Shown:
-        residuals, own, *_ = least_squares(self, *args, **options)
-        return residuals, own, own, own
+    def patch() -> None:
+        least_squares = matching.Views.least_squares
 
-    matching.Views.least_squares = noisy
+        def other(self: matching.Views, *args: Any, **options: Any) -> Shown:
+            residuals, *squares = least_squares(self, *args, **options)
+            own, wide, fine = choose(squares)
+            return residuals, own, wide, fine
 
+        matching.Views.least_squares = other
 
-def _all_textures() -> None:
-    least_squares = matching.Views.least_squares
-
-    def whole(self: matching.Views, *args: Any, **options: Any) -> Shown:
-        residuals, own, wide, _ = least_squares(self, *args, **options)
-        return residuals, own, wide, wide
-
-    matching.Views.least_squares = whole
+    return patch
 
 
 def _linear() -> None:
@@ -210,8 +208,14 @@ VARIANTS = {
     "full": Variant("the refinement at full resolution", patch=_without(1)),
     "rounds": Variant("the second round of both refinements", patch=_shaped(_once)),
     "windows": Variant("windows of 1 and 45 px for least squares", patch=_two_windows),
-    "slopes": Variant("slopes of the mean of all views: the arms' own", patch=_own_slopes),
-    "fine": Variant("telling fine texture from what is smooth", patch=_all_textures),
+    "slopes": Variant(
+        "slopes of the mean of all views: the arms' own",
+        patch=_squares(lambda shown: shown[:1] * 3),
+    ),
+    "fine": Variant(
+        "telling fine texture from what is smooth",
+        patch=_squares(lambda shown: [*shown[:2], shown[1]]),
+    ),
     "neighbours": Variant("choice among neighbours", patch=_no_neighbours),
     "cubic": Variant("cubic interpolation in the last round", patch=_linear),
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),

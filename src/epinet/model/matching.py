@@ -19,7 +19,7 @@ from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.contrast import local_statistics
-from epinet.shifts import shifted
+from epinet.shifts import gradients_of, shifted
 from epinet.squares import box_mean, extremes
 
 UNIT_WINDOW_PX = 9
@@ -146,7 +146,7 @@ class Views:
         own = Squares(torch.cat(slopes, 1) / unit, torch.cat(matches, 1) / unit)
         unit = unit * float(share.numel() * share.square().sum())  # as means over the views, too
         at, slope = torch.cat(lines[::2], 1), torch.cat(lines[1::2], 1)
-        gradients = _gradients(mean)
+        gradients = gradients_of(mean)
         seen = self._slopes(gradients) / unit
         wide = Squares(-at * seen, slope * seen)
         at, slope, gradients = (t - box_mean(t, FINE_PX) for t in (at, slope, gradients))
@@ -171,14 +171,6 @@ class Views:
             mean = seen.mean(1, keepdim=True)
             for unit, place in zip(self.units, written.chunk(2, 1), strict=True):
                 torch.div(mean, mean + unit, out=place)
-
-
-def _gradients(image: Tensor) -> Tensor:
-    """(B, 2, H, W) of an image (B, 1, H, W): down and to the right; the border repeats."""
-    padded = F.pad(image, (1, 1, 1, 1), mode="replicate")
-    down = (padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]) / 2
-    right = (padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]) / 2
-    return torch.cat([down, right], 1)
 
 
 def gathered(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from torch import Tensor
-from torch.nn import functional as F
 
+from epinet.shifts import gradients_of
 from epinet.squares import box_mean
 
 WINDOW_PX = 9
@@ -37,9 +37,7 @@ def disparity_deviation(
         from the border on it leans on repeated samples.
     """
     rows, cols = (sum(o[axis] ** 2 for o in offsets) for axis in (0, 1))
-    padded = F.pad(centre, (1, 1, 1, 1), mode="replicate")
-    across = (padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]) / 2
-    down = (padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]) / 2
+    down, across = gradients_of(centre).chunk(2, 1)
     variance = noise * noise
     # Noise itself has differences: half its variance in each direction.
     texture = cols * across**2 + rows * down**2 - 0.5 * (rows + cols) * variance
