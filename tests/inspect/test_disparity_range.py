@@ -4,8 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import torch
 
 from epinet.inspect import estimate_range
+from epinet.inspect.sweep import SLACK_PX, Match, load_star, rough_range
 from epinet.lightfield import LightField
 
 Renderer = Callable[..., LightField]
@@ -30,6 +32,21 @@ def test_range_of_layers(
     measured = estimate_range(lf)
     assert measured is not None and not measured.hits_limit
     assert (measured.min_px, measured.max_px) == pytest.approx((far, near), abs=tolerance)
+
+
+def test_what_no_plane_explains_does_not_widen_the_search(render: Renderer) -> None:
+    """A tenth of the pixels match planes anywhere nearly as well as their best one."""
+    star = load_star(render({-1.0: None, 1.2: DISC}))
+    g = torch.Generator().manual_seed(5)
+    shape = star.centre.shape
+    unexplained = torch.rand(shape, generator=g) < 0.1
+    match = Match(
+        cost=torch.where(unexplained, 0.012, 0.005),
+        disparity=torch.where(unexplained, 60 * torch.rand(shape, generator=g) - 30, 0.5),
+        usable=torch.ones(shape, dtype=torch.bool),
+        chance_cost=torch.where(unexplained, 0.015, 0.05),
+    )
+    assert rough_range(star, match) == (0.5 - SLACK_PX, 0.5 + SLACK_PX)
 
 
 def test_wide_baseline(render: Renderer) -> None:

@@ -190,7 +190,14 @@ def rough_match(star: Star) -> Match:
 
 
 def rough_range(star: Star, match: Match) -> tuple[float, float]:
-    """Where a finer sweep should look, in working pixels, from a rough match."""
+    """Where a finer sweep should look, in working pixels, from a rough match.
+
+    Pixels that no plane explains, as in a mirror, match best wherever chance has it.
+    """
+    explained = match.usable & (match.chance_cost > MIN_DISTINCTION * match.cost)
+    distinct = replace(match, usable=explained)
+    if distinct.has_pixels:
+        match = distinct
     low, high = match.disparity_percentiles(TAIL)
     return max(-star.search, low - SLACK_PX), min(star.search, high + SLACK_PX)
 
