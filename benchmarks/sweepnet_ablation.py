@@ -77,15 +77,11 @@ def _whole_directions() -> None:
 
 
 def _no_gathered_costs() -> None:
-    def nothing(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:
-        wide, distinct = matching.gathered(cost, spacing_px)
+    def nothing(cost: Tensor) -> tuple[Tensor, Tensor]:
+        wide, distinct = matching.gathered(cost)
         return torch.zeros_like(wide), torch.zeros_like(distinct)
 
     sweepnet.gathered = nothing
-
-
-def _upright_only() -> None:
-    matching.LEANS = matching.LEANS[:1]
 
 
 def _without(skipped: int) -> Callable[[], None]:
@@ -201,7 +197,6 @@ VARIANTS = {
         patch=_shaped(lambda config: replace(config, spacing_px=0.5)),
     ),
     "gathered": Variant("costs gathered over wide squares", patch=_no_gathered_costs),
-    "leaning": Variant("squares that lean: the upright ones stay", patch=_upright_only),
     "fill": Variant("the fill's correction", patch=_no_fill),
     "context": Variant("context passed to the refinements", patch=_no_context),
     "half": Variant("the refinement at half resolution", patch=_without(0)),

@@ -8,7 +8,6 @@ ones apart, so that grids of any size look alike.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
@@ -30,16 +29,8 @@ FINE_PX = 7
 """Differences less their mean over this square do not see a shine that moves with the view."""
 OUTERMOST = 4
 """Distance of the outermost views from the centre in the network's own unit of baseline."""
-LEANS = (
-    (0.0, 0.0),
-    *((lean, 0.0) for lean in (-0.06, -0.025, 0.025, 0.06)),
-    *((0.0, lean) for lean in (-0.06, -0.025, 0.025, 0.06)),
-)
-"""How disparity changes (px per px down, px per px to the right) over squares in which costs are
-gathered; the first is the square that faces the camera."""
-GATHERED = 4
-"""Costs of a hypothesis gathered over two sizes of squares: facing the camera, and leaning as
-fits best."""
+GATHERED = 2
+"""Costs of a hypothesis gathered over squares of two sizes."""
 
 
 def _arms() -> list[tuple[int, int, int, int]]:
@@ -173,12 +164,11 @@ class Views:
                 torch.div(mean, mean + unit, out=place)
 
 
-def gathered(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:
-    """Costs over squares of 12 and 36 px (of twice the resolution), upright and leaning.
+def gathered(cost: Tensor) -> tuple[Tensor, Tensor]:
+    """Costs over squares of 12 and 36 px (of twice the resolution).
 
     Args:
         cost: (B, D, h, w) of hypotheses, at half resolution.
-        spacing_px: between them, at full resolution.
 
     Returns:
         (B, D, GATHERED, h, w) deviations from the mean of all hypotheses, in units of what is
@@ -187,11 +177,10 @@ def gathered(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:
     height, width = cost.shape[-2:]
     small = F.avg_pool2d(cost, 2, ceil_mode=True, count_include_pad=False)
     relative, distinct = [], []
-    squares = [_leaning(small, lean, 4 / spacing_px) for lean in LEANS]
-    for upright, *leaning in zip(*squares, strict=True):
-        mean, unit = upright.mean(1, keepdim=True), upright.std(1, keepdim=True)
-        best = torch.stack([upright, *leaning]).amin(0)
-        relative += [(t - mean) / (unit + 0.002) for t in (upright, best)]
+    for step in (1, 3):
+        small = _of_three(_of_three(small, -2, step), -1, step)
+        mean, unit = small.mean(1, keepdim=True), small.std(1, keepdim=True)
+        relative.append((small - mean) / (unit + 0.002))
         distinct.append(0.3 * torch.log(unit + 1e-4) + 2)
     b, count = cost.shape[:2]
     both = torch.cat([torch.stack(relative, 2).flatten(1, 2), *distinct], 1)
@@ -199,40 +188,17 @@ def gathered(cost: Tensor, spacing_px: float) -> tuple[Tensor, Tensor]:
     return both[:, :-2].view(b, count, GATHERED, height, width), both[:, -2:]
 
 
-def _leaning(cost: Tensor, lean: tuple[float, float], per_px: float) -> list[Tensor]:
-    """Means of costs (B, D, H, W) over squares of 3 and 9 px that lean by `lean` * `per_px`
-    hypotheses per px."""
-    squares = []
-    for step in (1, 3):
-        for axis, by in zip((-2, -1), lean, strict=True):
-            moved = [_moved(cost, axis, k * step, k * step * by * per_px) for k in (-1, 1)]
-            cost = (cost + moved[0] + moved[1]) / 3
-        squares.append(cost)
-    return squares
-
-
-def _moved(cost: Tensor, axis: int, by_px: int, by_hypotheses: float) -> Tensor:
-    """cost (B, D, H, W) at (d + by_hypotheses, y or x + by_px); the border repeats."""
-    for along, by in ((axis, float(by_px)), (1, by_hypotheses)):
-        cost = _along(cost, along, by)
-    return cost
+def _of_three(images: Tensor, axis: int, step: int) -> Tensor:
+    """Mean of each pixel and of those a step before and after it; the border repeats."""
+    size = images.shape[axis]
+    index = torch.arange(-step, size + step, device=images.device).clamp_(0, size - 1)
+    padded = images.index_select(axis, index)
+    return sum((padded.narrow(axis, k * step, size) for k in (0, 2)), images) / 3
 
 
 def enlarged(images: Tensor) -> Tensor:
     """Images (B, C, H, W) as (B, C, 2H, 2W), bilinear."""
     return F.interpolate(images, scale_factor=2, mode="bilinear", align_corners=False)
-
-
-def _along(images: Tensor, axis: int, by: float) -> Tensor:
-    """images `by` px further along an axis, linear; the border repeats."""
-    if by == 0:
-        return images
-    whole, size = math.floor(by), images.shape[axis]
-    index = torch.arange(whole, whole + size + 1, device=images.device).clamp_(0, size - 1)
-    source = images.index_select(axis, index)
-    if by == whole:
-        return source.narrow(axis, 0, size)
-    return torch.lerp(source.narrow(axis, 0, size), source.narrow(axis, 1, size), by - whole)
 
 
 def sampled(

@@ -4,8 +4,8 @@ EPINET must discover from stacks of views what matching is. SweepNet is shown th
 moved by hypothesised disparities, and a few small convolutions decide. docs/sweepnet.md draws it.
 
     sweep    at half resolution, for hypotheses a pixel apart: how far each arm's views, moved by
-             it, are from the centre view, there and over wide squares that lean like floors and
-             walls; one network, shared by all hypotheses, scores each
+             it, are from the centre view, there and over wide squares; one network, shared by all
+             hypotheses, scores each
     fill     at half resolution, far-seeing: corrects the best disparities where nothing told
              them, and says how to enlarge the map to full resolution
     refine   twice at half resolution and twice at full: the views moved by the estimate, a little
@@ -311,7 +311,7 @@ class SweepNet(nn.Module):
         half = Views(pyramid[-1])
         with torch.no_grad():
             cost = half.costs((hypotheses / side).tolist())
-            wide, distinct = gathered(cost.mean(2), self.config.spacing_px)
+            wide, distinct = gathered(cost.mean(2))
         seen = torch.cat([half.centre, cost.amin(1), distinct], 1)
         planes = self.sweep.planes([cost, wide], seen)
         del cost, wide  # they are large

@@ -9,7 +9,7 @@ from torch import Tensor
 from epinet.shifts import gradients_of
 from epinet.squares import box_mean
 
-WINDOW_PX = 9
+WINDOW_PX = 25
 """A disparity is taken to be the same over this square."""
 
 

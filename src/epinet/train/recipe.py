@@ -125,7 +125,7 @@ class Recipe(_Model):
     """Pixels count by how well the views tell their disparity, at least so much. None: all count
     alike, and textureless patches are rejected whole, as in the paper."""
     told_px: Annotated[float, Field(gt=0)] = 0.03
-    """They count half where the views tell it to within this standard deviation, by 9x9 px."""
+    """They count half where the views tell it to within this standard deviation, by 25x25 px."""
     mirror_weight: Annotated[float, Field(ge=0, le=1)] = 0.0
     """What pixels count that mirror, where all scenes are rendered."""
     patch_px: Annotated[int, Field(ge=1)] = 1
