@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from epinet.inspect.sweep import FINE_STEP_PX, TAIL, fine_match, load_star
+from epinet.inspect.sweep import ROUGH_STEP_PX, TAIL, fine_match, load_star
 from epinet.lightfield import LightField
 
 
@@ -36,11 +36,11 @@ def estimate_range(lf: LightField) -> DisparityRange | None:
         InputError: the grid is smaller than 3x3, or the star of views is missing.
     """
     star = load_star(lf)
-    match = fine_match(star)
+    match = fine_match(star, ROUGH_STEP_PX)
     if match is None:
         return None
     low, high = match.disparity_percentiles(TAIL)
-    limit = star.search - FINE_STEP_PX
+    limit = star.search - ROUGH_STEP_PX
     return DisparityRange(
         min_px=low / star.scale,
         max_px=high / star.scale,

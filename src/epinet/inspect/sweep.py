@@ -202,7 +202,7 @@ def rough_range(star: Star, match: Match) -> tuple[float, float]:
     return max(-star.search, low - SLACK_PX), min(star.search, high + SLACK_PX)
 
 
-def fine_match(star: Star) -> Match | None:
+def fine_match(star: Star, step_px: float = FINE_STEP_PX) -> Match | None:
     """A sweep over the disparities that a rough one finds. None without texture.
 
     Disparities are good to about 0.3 view pixels.
@@ -211,7 +211,7 @@ def fine_match(star: Star) -> Match | None:
     if not rough.is_distinct:
         return None
     low, high = rough_range(star, rough)
-    match = sweep(star.rings(max(abs(low), abs(high))), low, high, FINE_STEP_PX)
+    match = sweep(star.rings(max(abs(low), abs(high))), low, high, step_px)
     return match if match.has_pixels else None
 
 
