@@ -177,23 +177,15 @@ def gathered(cost: Tensor) -> tuple[Tensor, Tensor]:
     height, width = cost.shape[-2:]
     small = F.avg_pool2d(cost, 2, ceil_mode=True, count_include_pad=False)
     relative, distinct = [], []
-    for step in (1, 3):
-        small = _of_three(_of_three(small, -2, step), -1, step)
-        mean, unit = small.mean(1, keepdim=True), small.std(1, keepdim=True)
-        relative.append((small - mean) / (unit + 0.002))
+    for side in (3, 9):
+        means = box_mean(small, side)
+        mean, unit = means.mean(1, keepdim=True), means.std(1, keepdim=True)
+        relative.append((means - mean) / (unit + 0.002))
         distinct.append(0.3 * torch.log(unit + 1e-4) + 2)
     b, count = cost.shape[:2]
     both = torch.cat([torch.stack(relative, 2).flatten(1, 2), *distinct], 1)
     both = enlarged(both)[..., :height, :width]
     return both[:, :-2].view(b, count, GATHERED, height, width), both[:, -2:]
-
-
-def _of_three(images: Tensor, axis: int, step: int) -> Tensor:
-    """Mean of each pixel and of those a step before and after it; the border repeats."""
-    size = images.shape[axis]
-    index = torch.arange(-step, size + step, device=images.device).clamp_(0, size - 1)
-    padded = images.index_select(axis, index)
-    return sum((padded.narrow(axis, k * step, size) for k in (0, 2)), images) / 3
 
 
 def enlarged(images: Tensor) -> Tensor:
@@ -222,13 +214,13 @@ def sampled(
     """
     b, p, h, w = views.shape
     rows = disparity.shape[-2]
-    places = _places(h, w, views.device, views.dtype)[top : top + rows]
+    places = _places(h, w, views.device, views.dtype)[:, top : top + rows]
     by = [(2 * col / w, 2 * row / h) for row, col in moves]
-    by_px = torch.tensor(by, dtype=views.dtype, device=views.device).view(1, p, 1, 1, 2)
-    grid = torch.addcmul(places, disparity[..., None], by_px, value=-1)
+    by_px = torch.tensor(by, dtype=views.dtype, device=views.device).view(1, p, 2, 1, 1)
+    grid = torch.addcmul(places, disparity[:, :, None], by_px, value=-1)  # (B, P, 2, R, W)
     seen = F.grid_sample(
         views.reshape(b * p, 1, h, w),
-        grid.flatten(0, 1),
+        grid.flatten(0, 1).permute(0, 2, 3, 1),
         mode="bicubic" if cubic else "bilinear",
         padding_mode="border",
         align_corners=False,
@@ -238,9 +230,9 @@ def sampled(
 
 @lru_cache(maxsize=4)
 def _places(height: int, width: int, device: torch.device, dtype: torch.dtype) -> Tensor:
-    """(H, W, 2) of the pixels, x and y from -1 to 1 between the borders: most calls ask again."""
+    """(2, H, W) of the pixels, x and y from -1 to 1 between the borders: most calls ask again."""
     with torch.inference_mode(False):  # training may ask for them, too
         y = torch.arange(height, device=device, dtype=dtype)
         x = torch.arange(width, device=device, dtype=dtype)
         across, down = (2 * x + 1) / width - 1, (2 * y + 1) / height - 1
-        return torch.stack(torch.meshgrid(across, down, indexing="xy"), -1)
+        return torch.stack(torch.meshgrid(across, down, indexing="xy"))

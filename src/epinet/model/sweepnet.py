@@ -183,10 +183,11 @@ class _Fill(nn.Module):
         nn.init.zeros_(self.out.weight[:1])
 
     def forward(self, swept: Tensor, spread: Tensor, seen: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Map and its spread (B, 1, h, w) and features -> map, context, weights to enlarge by."""
+        """Map and its spread (B, 1, h, w) and features -> map, context, shares to enlarge it by."""
         x = torch.cat([seen, spread, *_bumps(swept), swept * 0.1], 1)
         out = self.out(F.relu(self.body(self.first(x)))).float()
-        return swept + out[:, :1], out[:, 1:-36], out[:, -36:]
+        shares = out[:, -36:].unflatten(1, (9, 2, 2)).softmax(1)
+        return swept + out[:, :1], out[:, 1:-36], shares
 
 
 class _Refine(nn.Module):
@@ -219,8 +220,11 @@ class _Refine(nn.Module):
         disparity = disparity.detach()
         spread_px = self.config.spread_px
         residuals, own, wide, fine = views.least_squares(disparity, spread_px, cubic=cubic)
-        asked = [own, *(_over(t, box) for box in BOXES_PX if box >= WIDE_PX for t in (wide, fine))]
-        steps = []
+        of_all = [Squares(*(t.sum(1, keepdim=True) for t in squares)) for squares in (wide, fine)]
+        asked, steps = [own], []
+        for box in BOXES_PX:
+            if box >= WIDE_PX:
+                asked += [Squares(*(box_mean(t, box) for t in squares)) for squares in of_all]
         for slopes, matches in asked:
             steps.append((slopes / (matches.clamp_min(0) + 1e-4) / spread_px).clamp(-2, 2))
             steps.append(0.3 * torch.log(matches.clamp_min(0) * spread_px**2 + 1e-5) + 2)
@@ -317,13 +321,13 @@ class SweepNet(nn.Module):
         del cost, wide  # they are large
         scores = self.sweep(planes)
         swept, spread = _best(scores, hypotheses / 2**levels)
-        filled, context, weights = self.fill(swept, spread, seen)
-        maps = [_enlarged_by(filled, weights)]
+        filled, context, shares = self.fill(swept, spread, seen)
+        maps = [_enlarged_by(filled, shares)]
         at_half, at_full = self.refine
         disparity = filled / 2
         for _ in range(self.config.half.rounds):
             disparity, _ = at_half(half, disparity, context)
-            maps.append(_enlarged_by(2 * disparity, weights))
+            maps.append(_enlarged_by(2 * disparity, shares))
         disparity = maps[-1]
         for level in reversed(range(levels + 1)):
             views = Views(pyramid[level])
@@ -358,11 +362,6 @@ def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
     return mean, 1 - certain
 
 
-def _over(squares: Squares, box: int) -> Squares:
-    """Of all arms together, over a square."""
-    return Squares(*(box_mean(t.sum(1, keepdim=True), box) for t in squares))
-
-
 def _bumps(disparity: Tensor) -> list[Tensor]:
     """What smoothing changes."""
     return [box_mean(disparity, side) - disparity for side in SMOOTHINGS_PX]
@@ -377,13 +376,11 @@ def _neighbours(images: Tensor, side: int, apart_px: int) -> Tensor:
     return torch.cat(moved, 1)
 
 
-def _enlarged_by(disparity: Tensor, weights: Tensor) -> Tensor:
-    """Map (B, 1, h, w) as (B, 1, 2h, 2w): means of the 3x3 around, by (B, 36, h, w) log weights."""
+def _enlarged_by(disparity: Tensor, shares: Tensor) -> Tensor:
+    """Map (B, 1, h, w) as (B, 1, 2h, 2w): means of the 3x3 around, by (B, 9, 2, 2, h, w) shares."""
     b, _, h, w = disparity.shape
-    shares = weights.view(b, 1, 9, 2, 2, h, w).softmax(2)
-    padded = F.pad(disparity, (1,) * 4, mode="replicate")
-    around = F.unfold(padded, 3).view(b, 1, 9, 1, 1, h, w)
-    return (shares * around).sum(2).permute(0, 1, 4, 2, 5, 3).reshape(b, 1, 2 * h, 2 * w)
+    around = _neighbours(disparity, 3, 1).view(b, 9, 1, 1, h, w)
+    return (shares * around).sum(1).permute(0, 3, 1, 4, 2).reshape(b, 1, 2 * h, 2 * w)
 
 
 def _bias(layer: nn.Conv2d) -> Tensor:
