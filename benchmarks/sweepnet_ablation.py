@@ -144,7 +144,14 @@ def _no_fill() -> None:
 
 
 def _no_neighbours() -> None:
-    sweepnet._neighbours = lambda images, side, apart_px: images.expand(-1, side**2, -1, -1)
+    neighbours = sweepnet._neighbours
+
+    def own(images: Tensor, side: int, apart_px: int) -> Tensor:
+        if apart_px == 1:  # by which a map is enlarged
+            return neighbours(images, side, apart_px)
+        return images.expand(-1, side**2, -1, -1)
+
+    sweepnet._neighbours = own
 
 
 def _two_windows() -> None:
@@ -178,8 +185,8 @@ def _no_context() -> None:
     forward = sweepnet._Fill.forward
 
     def without(self: sweepnet._Fill, *args: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        filled, context, weights = forward(self, *args)
-        return filled, torch.zeros_like(context), weights
+        filled, context, shares = forward(self, *args)
+        return filled, torch.zeros_like(context), shares
 
     sweepnet._Fill.forward = without
 
@@ -188,6 +195,7 @@ def _no_classes() -> None:
     losses.CLASSES = 0.0
 
 
+HCI, FLOORS, NARROW, WIDE = load_recipe(RECIPE).as_dict()["data"]
 VARIANTS = {
     "all": Variant("nothing"),
     "all again": Variant("nothing, another seed", {"seed": 2}),
@@ -216,7 +224,8 @@ VARIANTS = {
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
     "classes": Variant("the classification of hypotheses in the loss", patch=_no_classes),
     "alike": Variant("weights by what the views tell: all pixels alike", {"least_weight": 1.0}),
-    "floors": Variant("scenes with floors", {"data": load_recipe(RECIPE).as_dict()["data"][:1]}),
+    "floors": Variant("scenes with floors", {"data": [HCI, NARROW, WIDE]}),
+    "ranges": Variant("scenes of narrow and of wide ranges", {"data": [HCI, FLOORS]}),
 }
 """By what is taken out."""
 
@@ -267,12 +276,13 @@ def main() -> None:
         "machine": args.machine,
         "steps": args.steps,
         "generator": VERSION,
+        "weights": checkpoint.load_weights(checkpoint.SWEEPNET).sha256,
         "variants": {},
     }
     if args.output.exists():
         saved = json.loads(args.output.read_text())
-        if any(saved.get(key) != report[key] for key in ("steps", "generator")):
-            parser.error(f"{args.output}: of other scenes or steps; name another file")
+        if any(saved.get(key) != report[key] for key in ("steps", "generator", "weights")):
+            parser.error(f"{args.output}: of other scenes, weights or steps; name another file")
         report["variants"] = saved["variants"]
     missing = [name for name in args.only if name not in report["variants"]]
     spawning = multiprocessing.get_context("spawn")

@@ -165,6 +165,8 @@ def ablation() -> Iterator[str]:
         "in so few steps. What differs from nothing by no more than its two seeds is undecided."
     )
     yield from older_than_now(report)
+    if report["weights"] != load_weights("sweepnet").sha256:
+        yield "The weights were those that the shipped ones have learned on from since."
     scores = {"badpix_0.07": "BadPix(.07)", "badpix_0.03": "(.03)", "mse_x100": "MSE x100"}
     rows = [
         [

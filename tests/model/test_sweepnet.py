@@ -242,6 +242,20 @@ def test_any_grid_size_and_range(views, size, range_px):
     assert len(made.hypotheses) <= 15
 
 
+def test_all_maps_of_a_wide_range_are_whole_and_in_px_of_the_views():
+    """Those of halved views, too: half of them less would be learned as if it were all."""
+    net = SweepNet().eval()
+    with torch.no_grad():
+        made = net(torch.full((1, 4, 9, 70, 66), 0.5), (-25.0, 5.0))
+        net.fill.out.bias[0] += 1
+        more = net(torch.full((1, 4, 9, 70, 66), 0.5), (-25.0, 5.0))
+    levels, _ = net.hypotheses((-25.0, 5.0), 9)
+    assert len(made.maps) == 1 + 2 + 2 * (levels + 1)
+    for one, other in zip(made.maps, more.maps, strict=True):
+        assert one.shape == (1, 1, 70, 66)
+        assert torch.allclose(other - one, torch.tensor(2.0**levels), atol=0.01)
+
+
 def test_hypotheses_are_in_proportion_to_the_range():
     net = SweepNet().eval()
     stacks = torch.rand(1, 4, 9, 32, 32)

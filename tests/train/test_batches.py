@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from epinet.angular import CENTRAL_NINE, direction_positions
+from epinet.model.sweepnet import searched
 from epinet.train.augment import AUGMENTATIONS, Patch, ViewShift
 from epinet.train.batches import Batches, Cut, batches_of, textured
 from epinet.train.information import WINDOW_PX
@@ -236,7 +237,19 @@ def test_batches_of_fewer_views_keep_the_outermost_and_the_truth_per_view():
         assert torch.equal(batch.stacks, whole.stacks[:, :, :: batch.every])
         assert torch.equal(batch.stacks[:, :, [0, -1]], whole.stacks[:, :, [0, -1]])
         assert (batch.disparity == 0.5 * batch.every).all()
+        assert batch.range_px == searched(0.5 * batch.every, 0.5 * batch.every)
     assert seen == {2, 4}
+
+
+def test_the_range_to_search_is_that_of_all_known_disparities():
+    """Beside the map and on mirrors, too, but for those that are unknown."""
+    image, truth = torch.rand(24, 24), torch.zeros(2, 24, 24)
+    truth[0, 0, 0], truth[1, 23, 5], truth[1, 3, 3] = -2.5, 1.5, torch.nan
+    usable = torch.zeros(24, 24, dtype=torch.bool)
+    patches = [replace(made_of(3, image, usable), disparity=t[None]) for t in truth]
+    cut = plain(batch=2, patch_px=2, least_weight=1.0)
+    batch = Batches(cut, [(Fixed(*patches), 1.0)], [], seed=1)(0)
+    assert batch.range_px == searched(-2.5, 1.5)
 
 
 def test_what_views_always_differ_by_makes_faint_texture_count_less():

@@ -15,14 +15,15 @@ SCALE_PX = 0.05
 HYPOTHESES = np.linspace(-1, 1, 5)
 
 
-@pytest.fixture
-def example():
+@pytest.fixture(params=[2, 4, 8])
+def example(request):
+    """Of a sweep whose pixels are so many wide and high."""
     g = torch.Generator().manual_seed(3)
     whole = SIDE_PX + 2 * MARGIN_PX
     estimates = Estimates(
         [torch.randn(2, 1, whole, whole, generator=g) for _ in range(3)],
         0.3 * torch.randn(2, 1, whole, whole, generator=g),
-        torch.randn(2, 5, whole // 2, whole // 2, generator=g),
+        torch.randn(2, 5, *2 * [math.ceil(whole / request.param)], generator=g),
         torch.tensor(HYPOTHESES, dtype=torch.float32),
     )
     truth = torch.randn(2, 1, SIDE_PX, SIDE_PX, generator=g)
@@ -32,6 +33,7 @@ def example():
 
 def slow(estimates: Estimates, truth, weight) -> float:
     total = weight.sum().item()
+    side = 2 ** round(math.log2(estimates.maps[0].shape[-1] / estimates.scores.shape[-1]))
     loss = 0.0
     for b, y, x in np.ndindex(2, SIDE_PX, SIDE_PX):
         share = weight[b, 0, y, x].item() / total
@@ -44,7 +46,7 @@ def slow(estimates: Estimates, truth, weight) -> float:
         loss += share * ERROR * (errors[-1] / math.exp(log_b) + log_b)
         wanted = np.exp(-2 * abs(HYPOTHESES - t) / 0.5)
         wanted /= wanted.sum()
-        scores = estimates.scores[b, :, row // 2, col // 2].numpy()
+        scores = estimates.scores[b, :, row // side, col // side].numpy()
         loss += share * CLASSES * -(wanted * (scores - np.log(np.exp(scores).sum()))).sum()
     return loss
 

@@ -168,8 +168,6 @@ def test_recipes_that_are_none(tmp_path):
 def test_what_sweepnet_cannot_do_is_refused(change, named):
     with pytest.raises(InputError, match=rf"{named}: SweepNet takes"):
         changed_recipe("sweepnet", [change], [], [])
-    with pytest.raises(InputError, match="data: SweepNet takes"):
-        changed_recipe("sweepnet", ["mirror_weight=0"], ["some/folder"], [])
     for shape in ("sweep_width: -3", "sweep_width: wide", "depth: 2"):
         with pytest.raises(InputError, match="shape: "):
             changed_recipe("sweepnet", [f"shape={{{shape}}}"], [], [])

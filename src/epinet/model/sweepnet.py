@@ -44,6 +44,8 @@ from epinet.squares import box_mean
 
 SPAN = 12.0
 """Ranges wider than this, in the network's unit, are searched on smaller pictures."""
+LEAST_SLACK_PX, SLACK = 0.5, 0.1
+"""A search goes so much, or this share of its range, beyond the disparities that are known."""
 BOXES_PX = (1, 5, 15, 45)
 """Squares over which least squares are taken; a network chooses among them."""
 WIDE_PX = 15
@@ -322,26 +324,32 @@ class SweepNet(nn.Module):
         scores = self.sweep(planes)
         swept, spread = _best(scores, hypotheses / 2**levels)
         filled, context, shares = self.fill(swept, spread, seen)
-        maps = [_enlarged_by(filled, shares)]
+        maps = [_whole(_enlarged_by(filled, shares), levels)]
         at_half, at_full = self.refine
         disparity = filled / 2
         for _ in range(self.config.half.rounds):
             disparity, _ = at_half(half, disparity, context)
-            maps.append(_enlarged_by(2 * disparity, shares))
-        disparity = maps[-1]
+            large = _enlarged_by(2 * disparity, shares)
+            maps.append(_whole(large, levels))
+        disparity = large
         for level in reversed(range(levels + 1)):
             views = Views(pyramid[level])
             context = enlarged(context)
             if level < levels:
-                disparity = 2 * enlarged(disparity)
+                disparity = _whole(disparity, 1)
             for round_ in range(self.config.full.rounds):
                 last = round_ == self.config.full.rounds - 1
                 disparity, log_error = at_full(views, disparity, context, cubic=last)
-                if level == 0:
-                    maps.append(disparity)
+                maps.append(_whole(disparity, level))
         maps = [per_unit * m[..., :height, :width] for m in maps]
         log_error = log_error[..., :height, :width] + math.log(per_unit)
         return Estimates(maps, log_error, scores, per_unit * hypotheses)
+
+
+def searched(low_px: float, high_px: float) -> tuple[float, float]:
+    """Where to look for the disparities of a scene that lie between these, px."""
+    slack = max(LEAST_SLACK_PX, SLACK * (high_px - low_px))
+    return low_px - slack, high_px + slack
 
 
 def _stacks(images: Tensor, views: int) -> Tensor:
@@ -381,6 +389,13 @@ def _enlarged_by(disparity: Tensor, shares: Tensor) -> Tensor:
     b, _, h, w = disparity.shape
     around = _neighbours(disparity, 3, 1).view(b, 9, 1, 1, h, w)
     return (shares * around).sum(1).permute(0, 3, 1, 4, 2).reshape(b, 1, 2 * h, 2 * w)
+
+
+def _whole(disparity: Tensor, level: int) -> Tensor:
+    """The map of views halved so often as a map of the whole ones."""
+    for _ in range(level):
+        disparity = 2 * enlarged(disparity)
+    return disparity
 
 
 def _bias(layer: nn.Conv2d) -> Tensor:

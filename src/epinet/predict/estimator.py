@@ -28,7 +28,7 @@ from epinet.model.checkpoint import (
 )
 from epinet.model.contrast import local_contrast
 from epinet.model.epinet import Epinet
-from epinet.model.sweepnet import SweepNet
+from epinet.model.sweepnet import SweepNet, searched
 from epinet.predict.confidence import (
     AGREEMENT,
     PROBABILITY,
@@ -42,8 +42,6 @@ from epinet.refine import compensated, refined
 from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1536.0
-LEAST_SLACK_PX, SLACK = 0.5, 0.1
-"""A search goes so much, or this share of its range, beyond the disparities that the views show."""
 
 Progress = Callable[[float], None]
 
@@ -263,8 +261,7 @@ def search_range(lf: LightField) -> tuple[float, float]:
     found = estimate_range(lf)
     if found is None:
         return RANGES_PX["hci"]
-    slack = max(LEAST_SLACK_PX, SLACK * (found.max_px - found.min_px))
-    return found.min_px - slack, found.max_px + slack
+    return searched(found.min_px, found.max_px)
 
 
 def _by_epinet(

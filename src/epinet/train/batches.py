@@ -15,6 +15,7 @@ from epinet.angular import STREAM_DIRECTIONS_DEG, direction_positions
 from epinet.io.problems import Problems
 from epinet.model.contrast import WINDOW_PX, contrast_unit, local_contrast
 from epinet.model.epinet import MARGIN_PX
+from epinet.model.sweepnet import searched
 from epinet.predict.batch import find_light_fields
 from epinet.synth.faults import ROUNDING
 from epinet.synth.generator import generator
@@ -51,8 +52,11 @@ class Batch:
     """(B, 1, P, P): 1 where the truth can be told from the views, less where there is little
     texture to match for the noise, on mirrors as the recipe says, and 0 where the truth is
     unknown."""
-    every: int = 1
+    every: int
     """The stacks hold every so many-th view on each side of the centre view."""
+    range_px: tuple[float, float]
+    """Where SweepNet looks for the disparities of the stacks: as far beyond them as when it
+    predicts, whose ranges differ, too."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +169,10 @@ class Batches:
             views = local_contrast(views)[..., margin:-margin, margin:-margin]
         truths = torch.stack([patch.truth()[0][None, inner, inner] for patch, _ in patches])
         every = self._every(g)
-        return Batch(views[:, :, ::every], every * truths, weight, every)
+        known = every * torch.cat([patch.truth()[0].flatten() for patch, _ in patches])
+        known = known[known.isfinite()]
+        bounds = searched(known.min().item(), known.max().item()) if len(known) else (-1.0, 1.0)
+        return Batch(views[:, :, ::every], every * truths, weight, every, bounds)
 
     def _every(self, g: Generator) -> int:
         """Of the views on each side of the centre view, every so many-th is shown.

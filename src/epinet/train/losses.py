@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 from torch.nn import functional as F
@@ -25,11 +27,8 @@ def batch_loss(net: Network, batch: Batch, recipe: Recipe) -> Tensor:
     if isinstance(net, Epinet):
         error = (net(batch.stacks) - batch.disparity).abs()
         return _mean(_robust(error, recipe.loss_scale_px), batch.weight)
-    assert recipe.disparity_range_px is not None  # of all its scenes
-    low, high = recipe.disparity_range_px
-    estimates = net(batch.stacks, (batch.every * low, batch.every * high))
     return sweepnet_loss(
-        estimates.scaled(1 / batch.every),
+        net(batch.stacks, batch.range_px).scaled(1 / batch.every),
         batch.disparity / batch.every,
         batch.weight,
         recipe.loss_scale_px,
@@ -59,13 +58,15 @@ def sweepnet_loss(
 
 
 def _class_loss(estimates: Estimates, disparity: Tensor, weight: Tensor) -> Tensor:
-    """Cross entropy of the hypotheses with those of the four pixels that the sweep sees as one."""
+    """Cross entropy of the hypotheses with those of the pixels that the sweep sees as one."""
     hypotheses = estimates.hypotheses.view(1, -1, 1, 1)
     spacing = estimates.hypotheses[1] - estimates.hypotheses[0]
-    truth, weight = (F.pad(t, (MARGIN_PX,) * 4) for t in (disparity, weight))
-    wanted = (-2 * (hypotheses - truth).abs() / spacing).softmax(1) * weight
-    wanted, weight = F.avg_pool2d(wanted, 2), F.avg_pool2d(weight, 2)
-    unlikely = -(wanted * estimates.scores.float().log_softmax(1)).sum()
+    wanted = (-2 * (hypotheses - disparity).abs() / spacing).softmax(1) * weight
+    height, width = estimates.maps[-1].shape[-2:]
+    side = 2 ** round(math.log2(width / estimates.scores.shape[-1]))
+    right, below = MARGIN_PX + -width % side, MARGIN_PX + -height % side
+    wanted = F.avg_pool2d(F.pad(wanted, (MARGIN_PX, right, MARGIN_PX, below)), side)
+    unlikely = -(wanted * estimates.scores.float().log_softmax(1)).sum() * side**2
     return unlikely / weight.sum().clamp_min(1)
 
 

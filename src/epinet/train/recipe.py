@@ -42,7 +42,7 @@ class Data(_Model):
     folder: Path | None = None
     """A scene with truth, or a folder of scenes."""
     disparity_px: tuple[float, float] | None = None
-    """Of the folder's scenes, px per adjacent view; SweepNet must be told."""
+    """Of the folder's scenes, px per adjacent view, for what the weights say of themselves."""
     share: Annotated[float, Field(gt=0)] = 1.0
     """How often patches come from here, relative to the other sources."""
 
@@ -219,14 +219,12 @@ class Recipe(_Model):
             "norms": self.norms,
             "start": self.start in (GLOROT, DIFFERENCES),
             "patch_px": self.patch_px % 2 == 1,
-            "data": self.disparity_range_px is None,
         }
         if any(wrong.values()):
             names = ", ".join(name for name, is_wrong in wrong.items() if is_wrong)
             raise ValueError(
-                f"{names}: SweepNet takes 4 streams of plain gray views of scenes whose range of "
-                "disparities is known (disparity_px beside a folder) in patches of even size, has "
-                f"no norms, and starts from {OWN} or weights"
+                f"{names}: SweepNet takes 4 streams of plain gray views in patches of even size, "
+                f"has no norms, and starts from {OWN} or weights"
             )
         try:
             with torch.device("meta"):  # no memory, and no random numbers

@@ -386,7 +386,7 @@ class Run:
         """The scenes to validate on; rendered at first use where none were given."""
         if self._validation is not None:
             return self._validation
-        bounds = self.recipe.disparity_range_px or RANGES_PX["hci"]
+        bounds = self.recipe.limits_px or self.recipe.data[0].bounds_px or RANGES_PX["hci"]
         return Validation.rendered(self.recipe.views, bounds)
 
     def weights(self) -> Weights:
