@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from epinet.inspect.sweep import ROUGH_STEP_PX, TAIL, fine_match, load_star
+from epinet.inspect.sweep import FINE_STEP_PX, ROUGH_STEP_PX, TAIL, fine_match, load_star
 from epinet.lightfield import LightField
+
+SPACING_PX = 1 / 3
+"""Planes lie so far apart, in pixels per adjacent view, where a sweep's steps are no finer than
+that: with many views fewer planes do."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +40,12 @@ def estimate_range(lf: LightField) -> DisparityRange | None:
         InputError: the grid is smaller than 3x3, or the star of views is missing.
     """
     star = load_star(lf)
-    match = fine_match(star, ROUGH_STEP_PX)
+    step_px = min(ROUGH_STEP_PX, max(FINE_STEP_PX, SPACING_PX * star.scale * star.radius))
+    match = fine_match(star, step_px)
     if match is None:
         return None
     low, high = match.disparity_percentiles(TAIL)
-    limit = star.search - ROUGH_STEP_PX
+    limit = star.search - step_px
     return DisparityRange(
         min_px=low / star.scale,
         max_px=high / star.scale,
