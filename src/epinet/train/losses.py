@@ -63,7 +63,7 @@ def _class_loss(estimates: Estimates, disparity: Tensor, weight: Tensor) -> Tens
     spacing = estimates.hypotheses[1] - estimates.hypotheses[0]
     wanted = (-2 * (hypotheses - disparity).abs() / spacing).softmax(1) * weight
     height, width = estimates.maps[-1].shape[-2:]
-    side = 2 ** round(math.log2(width / estimates.scores.shape[-1]))
+    side = 1 << round(math.log2(width / estimates.scores.shape[-1]))
     right, below = MARGIN_PX + -width % side, MARGIN_PX + -height % side
     wanted = F.avg_pool2d(F.pad(wanted, (MARGIN_PX, right, MARGIN_PX, below)), side)
     unlikely = -(wanted * estimates.scores.float().log_softmax(1)).sum() * side**2
