@@ -243,13 +243,14 @@ def test_batches_of_fewer_views_keep_the_outermost_and_the_truth_per_view():
 
 def test_the_range_to_search_is_that_of_all_known_disparities():
     """Beside the map and on mirrors, too, but for those that are unknown."""
-    image, truth = torch.rand(24, 24), torch.zeros(2, 24, 24)
-    truth[0, 0, 0], truth[1, 23, 5], truth[1, 3, 3] = -2.5, 1.5, torch.nan
+    image, truth = torch.rand(24, 24), torch.ones(2, 24, 24)
+    truth[0, 0, 0], truth[1, 23, 5], truth[1, 12, 12] = -2.5, 1.5, torch.nan
     usable = torch.zeros(24, 24, dtype=torch.bool)
     patches = [replace(made_of(3, image, usable), disparity=t[None]) for t in truth]
     cut = plain(batch=2, patch_px=2, least_weight=1.0)
     batch = Batches(cut, [(Fixed(*patches), 1.0)], [], seed=1)(0)
     assert batch.range_px == searched(-2.5, 1.5)
+    assert batch.disparity[1].flatten().tolist().count(0) == 1
 
 
 def test_what_views_always_differ_by_makes_faint_texture_count_less():

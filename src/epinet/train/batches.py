@@ -47,7 +47,7 @@ class Batch:
     stacks: Tensor
     """(B, S, N, P + 22, P + 22) gray views, or their local contrast."""
     disparity: Tensor
-    """(B, 1, P, P) px per adjacent view of the stacks."""
+    """(B, 1, P, P) px per adjacent view of the stacks; 0 where unknown."""
     weight: Tensor
     """(B, 1, P, P): 1 where the truth can be told from the views, less where there is little
     texture to match for the noise, on mirrors as the recipe says, and 0 where the truth is
@@ -168,6 +168,7 @@ class Batches:
         if self.cut.local_contrast:
             views = local_contrast(views)[..., margin:-margin, margin:-margin]
         truths = torch.stack([patch.truth()[0][None, inner, inner] for patch, _ in patches])
+        truths = truths.nan_to_num()  # what is unknown has no weight, which NaN would not keep
         every = self._every(g)
         known = every * torch.cat([patch.truth()[0].flatten() for patch, _ in patches])
         known = known[known.isfinite()]

@@ -201,7 +201,7 @@ def _read_scene(folder: Path, needs: Needs, side_px: int) -> Patch:
     return Patch(
         torch.from_numpy(views),
         needs.offsets,
-        torch.from_numpy(np.nan_to_num(disparity)),
+        torch.from_numpy(disparity),
         torch.from_numpy(usable),
         needs.truths,
     )
