@@ -55,10 +55,11 @@ def _whole_directions() -> None:
     """Both arms of a direction are shown the mean of the two."""
     costs = matching.Views.costs
 
-    def mixed(self: matching.Views, disparities: Any) -> Tensor:
-        cost = costs(self, disparities)
-        pairs = cost.unflatten(2, (4, 2, 4)).mean(3, keepdim=True)
-        return pairs.expand(-1, -1, -1, 2, -1, -1, -1).flatten(2, 4)
+    def mixed(self: matching.Views, disparities: Any) -> tuple[Tensor, Tensor]:
+        shown, distinct = costs(self, disparities)
+        pairs = shown[:, :, : matching.PARTS].unflatten(2, (4, 2, 4)).mean(3, keepdim=True)
+        eight = pairs.expand(-1, -1, -1, 2, -1, -1, -1).flatten(2, 4)
+        return torch.cat([eight, shown[:, :, matching.PARTS :]], 2), distinct
 
     least_squares = matching.Views.least_squares
 
@@ -77,11 +78,13 @@ def _whole_directions() -> None:
 
 
 def _no_gathered_costs() -> None:
+    gathered = matching.gathered
+
     def nothing(cost: Tensor) -> tuple[Tensor, Tensor]:
-        wide, distinct = matching.gathered(cost)
+        wide, distinct = gathered(cost)
         return torch.zeros_like(wide), torch.zeros_like(distinct)
 
-    sweepnet.gathered = nothing
+    matching.gathered = nothing
 
 
 def _without(skipped: int) -> Callable[[], None]:
@@ -176,9 +179,8 @@ def _squares(
     return patch
 
 
-def _linear() -> None:
-    sampled = matching.sampled
-    matching.sampled = lambda *args, cubic=False, **options: sampled(*args, **options)
+def _not_doubled() -> None:
+    matching.doubled = lambda images: images
 
 
 def _no_context() -> None:
@@ -220,7 +222,7 @@ VARIANTS = {
         patch=_squares(lambda shown: [*shown[:2], shown[1]]),
     ),
     "neighbours": Variant("choice among neighbours", patch=_no_neighbours),
-    "cubic": Variant("cubic interpolation in the last round", patch=_linear),
+    "doubled": Variant("views of twice the size to sample from", patch=_not_doubled),
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
     "classes": Variant("the classification of hypotheses in the loss", patch=_no_classes),
     "alike": Variant("weights by what the views tell: all pixels alike", {"least_weight": 1.0}),

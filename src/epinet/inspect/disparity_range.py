@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from epinet.inspect.sweep import FINE_STEP_PX, ROUGH_STEP_PX, TAIL, fine_match, load_star
 from epinet.lightfield import LightField
 
+LONGER_SIDE_PX = 192
+"""Longer side of the working images: enough for a range, in half the time of the usual one."""
 SPACING_PX = 1 / 3
 """Planes lie so far apart, in pixels per adjacent view, where a sweep's steps are no finer than
 that: with many views fewer planes do."""
@@ -39,7 +41,7 @@ def estimate_range(lf: LightField) -> DisparityRange | None:
     Raises:
         InputError: the grid is smaller than 3x3, or the star of views is missing.
     """
-    star = load_star(lf)
+    star = load_star(lf, LONGER_SIDE_PX)
     step_px = min(ROUGH_STEP_PX, max(FINE_STEP_PX, SPACING_PX * star.scale * star.radius))
     match = fine_match(star, step_px)
     if match is None:

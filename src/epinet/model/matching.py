@@ -9,7 +9,7 @@ ones apart, so that grids of any size look alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import torch
@@ -81,20 +81,35 @@ class Views:
             for s, side, row, col in ARMS
         ]
 
-    def costs(self, disparities: Sequence[float]) -> Tensor:
-        """(B, D, PARTS, H, W) mean differences to the centre view under whole planes."""
-        planes = self.gray.new_empty(len(self.gray), len(disparities), PARTS, *self.gray.shape[2:])
-        for plane, d in zip(planes.unbind(1), disparities, strict=True):
+    @cached_property
+    def fine(self) -> list[Tensor]:
+        """The arms' views as `doubled`: between those pixels linear interpolation loses little of
+        fine texture, where between the views' own it loses so much that views differ even at the
+        truth."""
+        return [doubled(views) for _, _, views in self.arms]
+
+    def costs(self, disparities: Sequence[float]) -> tuple[Tensor, Tensor]:
+        """Mean differences to the centre view under whole planes.
+
+        Returns:
+            (B, D, PARTS + GATHERED, H, W) those of each arm, and what is `gathered` of their mean;
+            and (B, GATHERED, H, W) how distinct that is.
+        """
+        shape = (len(self.gray), len(disparities), PARTS + GATHERED, *self.gray.shape[2:])
+        planes = self.gray.new_empty(shape)
+        own = planes[:, :, :PARTS]
+        for plane, d in zip(own.unbind(1), disparities, strict=True):
             for (row, col, views), into in zip(self.arms, plane.chunk(len(ARMS), 1), strict=True):
                 moved = [
                     shifted(views[:, k], -d * o * row, -d * o * col)
                     for k, o in enumerate(self.offsets)
                 ]
                 self._measure(torch.stack(moved, 1) - self.gray, into)
-        return planes
+        planes[:, :, PARTS:], distinct = gathered(own.mean(2))
+        return planes, distinct
 
     def least_squares(
-        self, disparity: Tensor, spread_px: float, *, cubic: bool = False
+        self, disparity: Tensor, spread_px: float
     ) -> tuple[Tensor, Squares, Squares, Squares]:
         """Of views moved by an estimate (B, 1, H, W).
 
@@ -109,7 +124,6 @@ class Views:
         Args:
             disparity: the estimate; no gradient flows back to it.
             spread_px: how much nearer and farther the views are moved, too.
-            cubic: move them by cubic interpolation, for which edges and fine texture stay sharp.
 
         Returns:
             residuals (B, 3 * PARTS, H, W), arm by arm, at the estimate, nearer and farther; and
@@ -122,9 +136,11 @@ class Views:
         share = (share / share.square().sum()).view(1, -1, 1, 1)
         mean = self.gray.clone()
         slopes, matches, lines = [], [], []
-        for (row, col, views), of_arm in zip(self.arms, residuals.chunk(len(ARMS), 1), strict=True):
+        for (row, col, _), fine, of_arm in zip(
+            self.arms, self.fine, residuals.chunk(len(ARMS), 1), strict=True
+        ):
             moves = [(o * row, o * col) for o in self.offsets]
-            at, near, far = (sampled(views, d, moves, cubic=cubic) - self.gray for d in estimates)
+            at, near, far = (sampled(fine, d, moves) - self.gray for d in estimates)
             for differences, into in zip((at, near, far), of_arm.chunk(3, 1), strict=True):
                 self._measure(differences, into)
             slope = (near - far) / (2 * spread_px)
@@ -198,41 +214,63 @@ def sampled(
     disparity: Tensor,
     moves: Sequence[tuple[float, float]],
     top: int = 0,
-    *,
-    cubic: bool = False,
 ) -> Tensor:
-    """Views (B, P, H, W) where they show the centre view's points; the border repeats.
+    """Views where they show the centre view's points, bilinear; the border repeats.
 
     Args:
+        views: (B, P, H, W), or `doubled` so often that they are so many times as large.
         disparity: (B, 1, R, W) of the centre view's rows from `top` on, px per unit of `moves`.
         moves: (rows, columns) of the views from the centre view. A view at (r, c) shows the point
             of (x, y) at (x - c d, y - r d).
-        cubic: interpolate so; else linearly.
 
     Returns:
         (B, P, R, W).
     """
     b, p, h, w = views.shape
-    rows = disparity.shape[-2]
-    places = _places(h, w, views.device, views.dtype)[:, top : top + rows]
-    by = [(2 * col / w, 2 * row / h) for row, col in moves]
+    rows, width = disparity.shape[-2:]
+    per_px = w // width
+    places = _places(h, w, per_px, views.device, views.dtype)[:, top : top + rows]
+    by = [(2 * per_px * col / w, 2 * per_px * row / h) for row, col in moves]
     by_px = torch.tensor(by, dtype=views.dtype, device=views.device).view(1, p, 2, 1, 1)
     grid = torch.addcmul(places, disparity[:, :, None], by_px, value=-1)  # (B, P, 2, R, W)
     seen = F.grid_sample(
         views.reshape(b * p, 1, h, w),
         grid.flatten(0, 1).permute(0, 2, 3, 1),
-        mode="bicubic" if cubic else "bilinear",
         padding_mode="border",
         align_corners=False,
     )
-    return seen.view(b, p, rows, w)
+    return seen.view(b, p, rows, width)
+
+
+def doubled(images: Tensor) -> Tensor:
+    """Images (B, P, H, W) with points half-way between their pixels, (B, P, 2H, 2W), bicubic.
+
+    Pixel (y, x) becomes (2y, 2x); the border repeats. The cubic is torch's, that of a = -3/4.
+    """
+    b, p, h, w = images.shape
+    fine = images.new_empty(b, p, h, 2, 2 * w)
+    rows = fine[:, :, :, 0]
+    rows[..., ::2] = images
+    rows[..., 1::2] = _halfway(F.pad(images, (1, 2, 0, 0), mode="replicate"), -1)
+    fine[:, :, :, 1] = _halfway(F.pad(rows, (0, 0, 1, 2), mode="replicate"), -2)
+    return fine.view(b, p, 2 * h, 2 * w)
+
+
+def _halfway(padded: Tensor, axis: int) -> Tensor:
+    first, second, third, fourth = (
+        padded.narrow(axis, k, padded.shape[axis] - 3) for k in range(4)
+    )
+    return (second + third).mul_(19 / 32).sub_(first + fourth, alpha=3 / 32)
 
 
 @lru_cache(maxsize=4)
-def _places(height: int, width: int, device: torch.device, dtype: torch.dtype) -> Tensor:
-    """(2, H, W) of the pixels, x and y from -1 to 1 between the borders: most calls ask again."""
+def _places(
+    height: int, width: int, per_px: int, device: torch.device, dtype: torch.dtype
+) -> Tensor:
+    """(2, H, W) of every so many-th point of a grid, x and y from -1 to 1 between its borders: most
+    calls ask again."""
     with torch.inference_mode(False):  # training may ask for them, too
-        y = torch.arange(height, device=device, dtype=dtype)
-        x = torch.arange(width, device=device, dtype=dtype)
+        y = torch.arange(0, height, per_px, device=device, dtype=dtype)
+        x = torch.arange(0, width, per_px, device=device, dtype=dtype)
         across, down = (2 * x + 1) / width - 1, (2 * y + 1) / height - 1
         return torch.stack(torch.meshgrid(across, down, indexing="xy"))

@@ -21,7 +21,7 @@ pictures first and refined on the way up.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -29,7 +29,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from epinet.model.channels_last import pointwise, softmax
+from epinet.model.channels_last import pointwise
 from epinet.model.matching import (
     ARMS,
     GATHERED,
@@ -38,7 +38,6 @@ from epinet.model.matching import (
     Squares,
     Views,
     enlarged,
-    gathered,
 )
 from epinet.squares import box_mean
 
@@ -149,20 +148,19 @@ class _Sweep(nn.Module):
         self.body = nn.Sequential(*(_Residual(width, d) for d in (1, 2, 4)))
         self.score = nn.Conv2d(width, 1, 3, padding=1)
 
-    def planes(self, costs: Sequence[Tensor], seen: Tensor) -> Tensor:
-        """Costs, PARTS and GATHERED (B, D, .., h, w), and what is SEEN -> features (B, D, C, h, w).
+    def planes(self, costs: Tensor, seen: Tensor) -> Tensor:
+        """Costs (B, D, PARTS + GATHERED, h, w) and what is SEEN -> features (B, D, C, h, w).
 
         A plane sees its own costs and those of the planes before and after it.
         """
         weights, biases = self.first.weight.chunk(3), _bias(self.first).chunk(3)
-        shared, count = self.shared(seen), costs[0].shape[1]
+        shared, count = self.shared(seen), costs.shape[1]
         planes = []
         for d in range(count):
             taps = [(k, d + step) for k, step in enumerate((0, -1, 1)) if 0 <= d + step < count]
-            parts = [cost[:, place] for _, place in taps for cost in costs]
-            weight = torch.cat([weights[k] for k, _ in taps], 1)
+            parts, own = [costs[:, place] for _, place in taps], [weights[k] for k, _ in taps]
             bias = torch.stack([biases[k] for k, _ in taps]).sum(0)
-            planes.append(pointwise(parts, weight, bias).add_(shared).movedim(1, -1))
+            planes.append(pointwise(parts, own, bias).add_(shared).movedim(1, -1))
         return torch.stack(planes, 1).movedim(-1, 2)
 
     def forward(self, planes: Tensor) -> Tensor:
@@ -187,7 +185,7 @@ class _Fill(nn.Module):
     def forward(self, swept: Tensor, spread: Tensor, seen: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Map and its spread (B, 1, h, w) and features -> map, context, shares to enlarge it by."""
         x = torch.cat([seen, spread, *_bumps(swept), swept * 0.1], 1)
-        out = self.out(F.relu(self.body(self.first(x)))).float()
+        out = self.out(F.relu(self.body(self.first(x)))).float().contiguous()
         shares = out[:, -36:].unflatten(1, (9, 2, 2)).softmax(1)
         return swept + out[:, :1], out[:, 1:-36], shares
 
@@ -215,13 +213,11 @@ class _Refine(nn.Module):
             _bias(self.out)[sum(self.parts[:2])] = SMOOTH
             _bias(self.out)[sum(self.parts[:-1]) + config.side**2 // 2] = KEPT
 
-    def forward(
-        self, views: Views, disparity: Tensor, context: Tensor, cubic: bool = False
-    ) -> tuple[Tensor, Tensor]:
+    def forward(self, views: Views, disparity: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
         """The map (B, 1, H, W) refined once, and the logarithm of its expected error."""
         disparity = disparity.detach()
         spread_px = self.config.spread_px
-        residuals, own, wide, fine = views.least_squares(disparity, spread_px, cubic=cubic)
+        residuals, own, wide, fine = views.least_squares(disparity, spread_px)
         of_all = [Squares(*(t.sum(1, keepdim=True) for t in squares)) for squares in (wide, fine)]
         asked, steps = [own], []
         for box in BOXES_PX:
@@ -232,11 +228,12 @@ class _Refine(nn.Module):
             steps.append(0.3 * torch.log(matches.clamp_min(0) * spread_px**2 + 1e-5) + 2)
         bumps = [bump / spread_px for bump in _bumps(disparity)]
         seen = [residuals, torch.cat([*steps, views.centre, *bumps, context], 1)]
-        x = pointwise(seen, self.first.weight, _bias(self.first))
+        of_each = torch.split(self.first.weight, [part.shape[1] for part in seen], 1)
+        x = pointwise(seen, of_each, _bias(self.first))
         del seen, residuals  # they are large
-        out = self.out(F.relu(self.body(x))).float()
+        out = self.out(F.relu(self.body(x))).float().contiguous()
         weights, choice, smooth, more, log_error, kept = out.split(self.parts, 1)
-        weights, choice, smooth = weights.clamp(-8, 8).exp(), softmax(choice), smooth.sigmoid()
+        weights, choice, smooth = weights.clamp(-8, 8).exp(), choice.softmax(1), smooth.sigmoid()
         own, wide, fine = (
             Squares(*((weights * t).sum(1, keepdim=True) for t in squares))
             for squares in (own, wide, fine)
@@ -253,7 +250,7 @@ class _Refine(nn.Module):
             moved = (slope / (match + 1e-4)).clamp(-2 * spread_px, 2 * spread_px)
             disparity = disparity + choice[:, k : k + 1] * moved
         around = _neighbours(disparity, self.config.side, self.config.apart_px)
-        disparity = (softmax(kept) * around).sum(1, keepdim=True)
+        disparity = (kept.softmax(1) * around).sum(1, keepdim=True)
         return disparity, log_error + math.log(spread_px)
 
 
@@ -316,11 +313,10 @@ class SweepNet(nn.Module):
 
         half = Views(pyramid[-1])
         with torch.no_grad():
-            cost = half.costs((hypotheses / side).tolist())
-            wide, distinct = gathered(cost.mean(2))
-        seen = torch.cat([half.centre, cost.amin(1), distinct], 1)
-        planes = self.sweep.planes([cost, wide], seen)
-        del cost, wide  # they are large
+            costs, distinct = half.costs((hypotheses / side).tolist())
+        seen = torch.cat([half.centre, costs[:, :, :PARTS].amin(1), distinct], 1)
+        planes = self.sweep.planes(costs, seen)
+        del costs  # they are large
         scores = self.sweep(planes)
         swept, spread = _best(scores, hypotheses / 2**levels)
         filled, context, shares = self.fill(swept, spread, seen)
@@ -337,9 +333,8 @@ class SweepNet(nn.Module):
             context = enlarged(context)
             if level < levels:
                 disparity = _whole(disparity, 1)
-            for round_ in range(self.config.full.rounds):
-                last = round_ == self.config.full.rounds - 1
-                disparity, log_error = at_full(views, disparity, context, cubic=last)
+            for _ in range(self.config.full.rounds):
+                disparity, log_error = at_full(views, disparity, context)
                 maps.append(_whole(disparity, level))
         maps = [per_unit * m[..., :height, :width] for m in maps]
         log_error = log_error[..., :height, :width] + math.log(per_unit)
