@@ -67,14 +67,10 @@ def test_sampling_is_bilinear_where_the_views_show_the_point():
 
 def test_doubled_views_have_cubic_points_between_their_pixels():
     views = torch.rand(2, 3, 7, 9, generator=torch.Generator().manual_seed(2))
-    across, down = (
-        2 * torch.arange(18) + 2,
-        2 * torch.arange(14) + 2,
-    )  # x = k / 2: (2 x + 1) / 9 - 1
-    places = torch.stack(torch.meshgrid(across / 18 - 1, down / 14 - 1, indexing="xy"), -1)
-    wanted = F.grid_sample(
-        views, places.expand(2, -1, -1, -1), "bicubic", "border", align_corners=False
-    )
+    x, y = torch.arange(18) / 2, torch.arange(14) / 2
+    across, down = (2 * x + 1) / 9 - 1, (2 * y + 1) / 7 - 1  # as grid_sample counts
+    places = torch.stack(torch.meshgrid(across, down, indexing="xy"), -1).expand(2, -1, -1, -1)
+    wanted = F.grid_sample(views, places, "bicubic", "border", align_corners=False)
     assert torch.allclose(doubled(views), wanted, atol=1e-5)
     assert torch.equal(doubled(views)[..., ::2, ::2], views)
 

@@ -82,10 +82,10 @@ class Views:
         ]
 
     @cached_property
-    def fine(self) -> list[Tensor]:
-        """The arms' views as `doubled`: between those pixels linear interpolation loses little of
-        fine texture, where between the views' own it loses so much that views differ even at the
-        truth."""
+    def doubled_arms(self) -> list[Tensor]:
+        """(B, P, 2H, 2W) views of each arm: between those pixels linear interpolation loses little
+        of fine texture, where between the views' own it loses so much that views differ even at
+        the truth."""
         return [doubled(views) for _, _, views in self.arms]
 
     def costs(self, disparities: Sequence[float]) -> tuple[Tensor, Tensor]:
@@ -136,11 +136,11 @@ class Views:
         share = (share / share.square().sum()).view(1, -1, 1, 1)
         mean = self.gray.clone()
         slopes, matches, lines = [], [], []
-        for (row, col, _), fine, of_arm in zip(
-            self.arms, self.fine, residuals.chunk(len(ARMS), 1), strict=True
+        for (row, col, _), views, of_arm in zip(
+            self.arms, self.doubled_arms, residuals.chunk(len(ARMS), 1), strict=True
         ):
             moves = [(o * row, o * col) for o in self.offsets]
-            at, near, far = (sampled(fine, d, moves) - self.gray for d in estimates)
+            at, near, far = (sampled(views, d, moves) - self.gray for d in estimates)
             for differences, into in zip((at, near, far), of_arm.chunk(3, 1), strict=True):
                 self._measure(differences, into)
             slope = (near - far) / (2 * spread_px)
