@@ -120,12 +120,9 @@ def gather_stacks(
 ) -> NDArray[np.float32]:
     """Network input (streams, views, H, W) from a function giving the gray view at (row, col)."""
     cache = {p: view(*p) for p in _positions(views, streams)}
-    return np.stack(
-        [
-            np.stack([cache[p] for p in direction_positions(d, views)])
-            for d in STREAM_DIRECTIONS_DEG[streams]
-        ]
-    )
+    directions = STREAM_DIRECTIONS_DEG[streams]
+    stack = np.stack([cache[p] for d in directions for p in direction_positions(d, views)])
+    return stack.reshape(len(directions), views, *stack.shape[1:])
 
 
 def _positions(views: int, streams: int) -> set[tuple[int, int]]:

@@ -111,12 +111,14 @@ class LightField:
 
     def gray(self, row: int, col: int) -> NDArray[np.float32]:
         """One view as (H, W) luma in 0..1 (.299 R + .587 G + .114 B, as in the reference)."""
-        view = self.unit(row, col)
+        view = self.views[row, col]
         if view.shape[2] == 1:
-            return view[..., 0]
-        # Several times as fast as a product with a vector of three.
-        red, green, blue = (share * view[..., k] for k, share in enumerate(LUMA))
-        gray: NDArray[np.float32] = red + green + blue
+            return self.unit(row, col)[..., 0]
+        # Several times as fast as a product of the unit view with a vector of three.
+        shares = LUMA / self._white
+        gray: NDArray[np.float32] = np.multiply(view[..., 0], shares[0], dtype=np.float32)
+        for k in (1, 2):
+            gray += np.multiply(view[..., k], shares[k], dtype=np.float32)
         return gray
 
     def unit(self, row: int, col: int) -> NDArray[np.float32]:
@@ -124,8 +126,13 @@ class LightField:
         view = self.views[row, col]
         if view.dtype == np.float32:
             return np.asarray(view)
-        unit: NDArray[np.float32] = view.astype(np.float32) / np.float32(np.iinfo(view.dtype).max)
+        unit: NDArray[np.float32] = view.astype(np.float32) / np.float32(self._white)
         return unit
+
+    @property
+    def _white(self) -> float:
+        """The largest value of a sample."""
+        return 1.0 if self.views.dtype == np.float32 else float(np.iinfo(self.views.dtype).max)
 
     def stacks(self, views: int, streams: int = 4) -> NDArray[np.float32]:
         """Network input (streams, views, H, W) from a grid of exactly `views` x `views`."""
