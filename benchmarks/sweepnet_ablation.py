@@ -183,6 +183,15 @@ def _not_doubled() -> None:
     matching.doubled = lambda images: images
 
 
+def _no_gains() -> None:
+    gains = matching.Views.gains
+
+    def none(self: matching.Views, disparity: Tensor) -> Tensor:
+        return torch.zeros_like(gains(self, disparity))
+
+    matching.Views.gains = none
+
+
 def _no_context() -> None:
     forward = sweepnet._Fill.forward
 
@@ -223,6 +232,7 @@ VARIANTS = {
     ),
     "neighbours": Variant("choice among neighbours", patch=_no_neighbours),
     "doubled": Variant("views of twice the size to sample from", patch=_not_doubled),
+    "gains": Variant("views evened in brightness", patch=_no_gains),
     "plain": Variant("the robust error: the plain one instead", {"loss_scale_px": None}),
     "classes": Variant("the classification of hypotheses in the loss", patch=_no_classes),
     "alike": Variant("weights by what the views tell: all pixels alike", {"least_weight": 1.0}),

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from epinet.model.channels_last import pointwise
+from epinet.model.channels_last import channels_first, pointwise
 
 
 @pytest.fixture(params=[torch.contiguous_format, torch.channels_last])
@@ -20,3 +20,9 @@ def test_a_convolution_of_one_pixel_is_one(images):
             found = pointwise(parts, weights, layer.bias)
             assert torch.allclose(found, layer(images), atol=1e-6)
             assert found.is_contiguous(memory_format=torch.channels_last)
+
+
+def test_channels_come_first_in_memory(images):
+    found = channels_first(images)
+    assert torch.equal(found, images)
+    assert all(channel[0].is_contiguous() for channel in found.split(1, 1))

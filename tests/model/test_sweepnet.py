@@ -8,7 +8,17 @@ import torch
 from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
-from epinet.model.matching import ARMS, OUTERMOST, PARTS, Squares, Views, doubled, gathered, sampled
+from epinet.model.matching import (
+    ARMS,
+    OUTERMOST,
+    PARTS,
+    Squares,
+    Views,
+    doubled,
+    gathered,
+    sampled,
+    summed,
+)
 from epinet.model.sweepnet import SweepNet, SweepNetConfig
 
 SIDE_PX = 48
@@ -87,6 +97,44 @@ def test_doubled_views_keep_fine_texture_that_linear_sampling_loses():
         for shown in (views, doubled(views))
     ]
     assert errors[1].mean() < 0.5 * errors[0].mean()
+
+
+@pytest.mark.parametrize("views", [3, 5, 9])
+def test_gains_of_the_views_are_found_and_undone(views):
+    """Other exposures, and light that falls off to one side, though a part of the map is wrong."""
+    g = torch.Generator().manual_seed(5)
+    half, side = views // 2, 96
+    clean = plane(0.63 * OUTERMOST / half, views, side)
+    true = torch.empty(4, views, 3).uniform_(-0.05, 0.05, generator=g)
+    true[:, half] = 0
+    y, x = torch.meshgrid(*(2 * [torch.linspace(-1, 1, side)]), indexing="ij")
+    stacks = clean * (1 + (true @ torch.stack([torch.ones(side, side), x, y]).flatten(1))).view(
+        1, 4, views, side, side
+    )
+    disparity = torch.full((1, 1, side, side), 0.63)
+    disparity[..., :40, :40] -= 1.5
+    found = Views(stacks).gains(disparity)
+    wanted = torch.stack(
+        [true[s, [half + k * sign for k in range(1, half + 1)]] for s, sign, *_ in ARMS]
+    )
+    assert torch.allclose(found[0], wanted, atol=4e-3)
+    right, given, undone = (
+        torch.stack([seen for *_, seen in made.arms])
+        for made in (Views(clean), Views(stacks), Views(stacks, found))
+    )
+    assert F.mse_loss(undone, right) < 0.01 * F.mse_loss(given, right)
+
+
+def test_black_views_have_no_gains():
+    views = Views(torch.zeros(1, 4, 9, 32, 32))
+    assert not views.gains(torch.zeros(1, 1, 32, 32)).any()
+
+
+def test_images_are_summed_by_their_weights():
+    images, weights = torch.rand(2, 2, 5, 6, 7, generator=torch.Generator().manual_seed(7))
+    for given in (weights, weights[:1, :, :1, :1]):
+        wanted = (given * images).sum(1, keepdim=True)
+        assert torch.allclose(summed(images, given), wanted, atol=1e-6)
 
 
 @pytest.mark.parametrize("views", [3, 5, 9, 11])

@@ -27,6 +27,11 @@ FLOOR = 0.003
 """Contrast well below this, near a gray level of 255, counts as noise."""
 FINE_PX = 7
 """Differences less their mean over this square do not see a shine that moves with the view."""
+SAMPLED_PX = 2
+"""Of so many rows and columns one tells the views' gains."""
+MOST_GAIN = 0.3
+"""Gains are at most this, either way; they are expected to be less."""
+GRAY_LEVEL = 1 / 255
 OUTERMOST = 4
 """Distance of the outermost views from the centre in the network's own unit of baseline."""
 GATHERED = 2
@@ -65,9 +70,10 @@ class Views:
 
     Args:
         stacks: (B, 4, N, H, W) gray, 0..1, in the order of `epinet.angular.DIRECTIONS_DEG`.
+        gains: of the arms' views, which are divided by them; see `gains`.
     """
 
-    def __init__(self, stacks: Tensor) -> None:
+    def __init__(self, stacks: Tensor, gains: Tensor | None = None) -> None:
         half = stacks.shape[2] // 2
         self.offsets = [OUTERMOST * k / half for k in range(1, half + 1)]
         self.inner = max(1, half // 2)  # of each arm, in the order of its views
@@ -80,6 +86,44 @@ class Views:
             (row, col, torch.stack([stacks[:, s, half + side * k] for k in range(1, half + 1)], 1))
             for s, side, row, col in ARMS
         ]
+        if gains is not None:
+            fields = (gains @ _planes(self.gray)).clamp(-MOST_GAIN, MOST_GAIN)
+            for (_, _, views), field in zip(self.arms, fields.unbind(1), strict=True):
+                views /= 1 + field.view_as(views)
+
+    @torch.no_grad()
+    def gains(self, disparity: Tensor) -> Tensor:
+        """How much brighter each arm's views are than the centre view where a map matches them.
+
+        Exposures differ, and a lens darkens its rim, about another centre in each view: that is a
+        gain which changes linearly across the picture. What the map gets wrong, or another
+        surface hides, is told from it as an outlier (iterated least squares with Cauchy's weights,
+        squared).
+
+        Args:
+            disparity: (B, 1, H, W) the map.
+
+        Returns:
+            (B, 8, P, 3) of each view, as shares: in the middle of the picture, and how much more at
+            its right and lower border.
+        """
+        every = (..., slice(None, None, SAMPLED_PX), slice(None, None, SAMPLED_PX))
+        bright = (self.gray * _planes(self.gray).view(3, *self.gray.shape[2:]))[every].flatten(2)
+        products = (bright[:, :, None] * bright[:, None]).flatten(1, 2).mT  # (B, pixels, 9)
+        gains = []
+        for (row, col, _), views in zip(self.arms, self.doubled_arms, strict=True):
+            seen = sampled(views, disparity, [(o * row, o * col) for o in self.offsets])
+            differences = (seen - self.gray)[every].flatten(2)
+            usual = 2 * differences.abs().median(-1, keepdim=True).values + GRAY_LEVEL
+            of_arm = differences.new_zeros(*differences.shape[:2], 3)
+            for _ in range(3):
+                off = (differences - of_arm @ bright) / usual
+                weights = (1 + off.square()).reciprocal().square()
+                normal = (weights @ products).view(*weights.shape[:2], 3, 3)
+                normal = normal + (usual[..., None] / MOST_GAIN).square() * torch.eye(3).to(normal)
+                of_arm = torch.linalg.solve(normal, (weights * differences) @ bright.mT)
+            gains.append(of_arm)
+        return torch.stack(gains, 1)
 
     @cached_property
     def doubled_arms(self) -> list[Tensor]:
@@ -140,30 +184,29 @@ class Views:
             self.arms, self.doubled_arms, residuals.chunk(len(ARMS), 1), strict=True
         ):
             moves = [(o * row, o * col) for o in self.offsets]
-            at, near, far = (sampled(views, d, moves) - self.gray for d in estimates)
+            at, near, far = (sampled(views, d, moves).sub_(self.gray) for d in estimates)
             for differences, into in zip((at, near, far), of_arm.chunk(3, 1), strict=True):
                 self._measure(differences, into)
-            slope = (near - far) / (2 * spread_px)
-            slopes.append(-(at * slope).mean(1, keepdim=True))
-            matches.append((slope * slope).mean(1, keepdim=True))
+            fall = far.sub_(near).div_(2 * spread_px)
+            slopes.append(summed(at, fall).div_(len(moves)))
+            matches.append(summed(fall, fall).div_(len(moves)))
             # What changes from view to view, as one straight line through the arm's views.
-            lines += [(share * t).sum(1, keepdim=True) for t in (at, slope)]
+            lines += [summed(t, share) for t in (at, fall)]
             mean += at.sum(1, keepdim=True) / (1 + len(ARMS) * len(self.offsets))
         unit = self.unit.square()
-        own = Squares(torch.cat(slopes, 1) / unit, torch.cat(matches, 1) / unit)
+        own = Squares(torch.cat(slopes, 1).div_(unit), torch.cat(matches, 1).div_(unit))
         unit = unit * float(share.numel() * share.square().sum())  # as means over the views, too
-        at, slope = torch.cat(lines[::2], 1), torch.cat(lines[1::2], 1)
+        at, fall = torch.cat(lines[::2], 1), torch.cat(lines[1::2], 1)
         gradients = gradients_of(mean)
-        seen = self._slopes(gradients) / unit
-        wide = Squares(-at * seen, slope * seen)
-        at, slope, gradients = (t - box_mean(t, FINE_PX) for t in (at, slope, gradients))
-        seen = self._slopes(gradients) / unit
-        return residuals, own, wide, Squares(-at * seen, slope * seen)
+        wide = self._squares(at, fall, gradients / unit)
+        at, fall, gradients = (t - box_mean(t, FINE_PX) for t in (at, fall, gradients))
+        return residuals, own, wide, self._squares(at, fall, gradients / unit)
 
-    def _slopes(self, gradients: Tensor) -> Tensor:
-        """How an image of such gradients, moved along each arm, changes with disparity."""
+    def _squares(self, at: Tensor, fall: Tensor, gradients: Tensor) -> Squares:
+        """With the slopes of an image of such gradients that moves along each arm."""
         down, right = gradients.chunk(2, 1)
-        return torch.cat([-(row * down + col * right) for row, col, _ in self.arms], 1)
+        seen = torch.cat([row * down + col * right for row, col, _ in self.arms], 1)
+        return Squares(at * seen, fall * seen)
 
     def _measure(self, differences: Tensor, into: Tensor) -> None:
         """Inner and outer mean of an arm's differences (B, P, H, W), in 0..1, in each unit.
@@ -202,6 +245,17 @@ def gathered(cost: Tensor) -> tuple[Tensor, Tensor]:
     both = torch.cat([torch.stack(relative, 2).flatten(1, 2), *distinct], 1)
     both = enlarged(both)[..., :height, :width]
     return both[:, :-2].view(b, count, GATHERED, height, width), both[:, -2:]
+
+
+def summed(images: Tensor, weights: Tensor) -> Tensor:
+    """(B, 1, H, W) sum of images (B, C, H, W) times weights.
+
+    Image by image, which caches hold, it takes half the time of all products and their sum.
+    """
+    total = images[:, :1] * weights[:, :1]
+    for k in range(1, images.shape[1]):
+        total.addcmul_(images[:, k : k + 1], weights[:, k : k + 1])
+    return total
 
 
 def enlarged(images: Tensor) -> Tensor:
@@ -249,10 +303,12 @@ def doubled(images: Tensor) -> Tensor:
     """
     b, p, h, w = images.shape
     fine = images.new_empty(b, p, h, 2, 2 * w)
-    rows = fine[:, :, :, 0]
-    rows[..., ::2] = images
-    rows[..., 1::2] = _halfway(F.pad(images, (1, 2, 0, 0), mode="replicate"), -1)
-    fine[:, :, :, 1] = _halfway(F.pad(rows, (0, 0, 1, 2), mode="replicate"), -2)
+    # One by one, which caches hold.
+    for image, into in zip(torch.split(images, 1, 1), torch.split(fine, 1, 1), strict=True):
+        rows = into[:, :, :, 0]
+        rows[..., ::2] = image
+        rows[..., 1::2] = _halfway(F.pad(image, (1, 2, 0, 0), mode="replicate"), -1)
+        into[:, :, :, 1] = _halfway(F.pad(rows, (0, 0, 1, 2), mode="replicate"), -2)
     return fine.view(b, p, 2 * h, 2 * w)
 
 
@@ -261,6 +317,13 @@ def _halfway(padded: Tensor, axis: int) -> Tensor:
         padded.narrow(axis, k, padded.shape[axis] - 3) for k in range(4)
     )
     return (second + third).mul_(19 / 32).sub_(first + fourth, alpha=3 / 32)
+
+
+def _planes(images: Tensor) -> Tensor:
+    """(3, H * W): one; and from -1 to 1 to the right, and down."""
+    down, right = (torch.linspace(-1, 1, length).to(images) for length in images.shape[2:])
+    right, down = torch.meshgrid(right, down, indexing="xy")
+    return torch.stack([torch.ones_like(right), right, down]).flatten(1)
 
 
 @lru_cache(maxsize=4)

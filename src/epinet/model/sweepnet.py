@@ -29,7 +29,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from epinet.model.channels_last import pointwise
+from epinet.model.channels_last import channels_first, pointwise
 from epinet.model.matching import (
     ARMS,
     GATHERED,
@@ -38,6 +38,7 @@ from epinet.model.matching import (
     Squares,
     Views,
     enlarged,
+    summed,
 )
 from epinet.squares import box_mean
 
@@ -185,8 +186,8 @@ class _Fill(nn.Module):
     def forward(self, swept: Tensor, spread: Tensor, seen: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Map and its spread (B, 1, h, w) and features -> map, context, shares to enlarge it by."""
         x = torch.cat([seen, spread, *_bumps(swept), swept * 0.1], 1)
-        out = self.out(F.relu(self.body(self.first(x)))).float().contiguous()
-        shares = out[:, -36:].unflatten(1, (9, 2, 2)).softmax(1)
+        out = channels_first(self.out(F.relu(self.body(self.first(x)))).float())
+        shares = torch.unflatten(out[:, -36:], 1, (9, 2, 2)).softmax(1)
         return swept + out[:, :1], out[:, 1:-36], shares
 
 
@@ -205,7 +206,7 @@ class _Refine(nn.Module):
         seen = 3 * PARTS + 2 * len(ARMS) + 4 * wide + 2 + len(SMOOTHINGS_PX) + context
         self.first = nn.Conv2d(seen, width, 1)
         self.body = nn.Sequential(*(_Residual(width, d) for d in config.dilations))
-        self.parts = (len(ARMS), len(BOXES_PX), 1, 1, 1, config.side**2)
+        self.parts = [len(ARMS), len(BOXES_PX), 1, 1, 1, config.side**2]
         self.out = nn.Conv2d(width, sum(self.parts), 3, padding=1)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(_bias(self.out))
@@ -224,19 +225,19 @@ class _Refine(nn.Module):
             if box >= WIDE_PX:
                 asked += [Squares(*(box_mean(t, box) for t in squares)) for squares in of_all]
         for slopes, matches in asked:
-            steps.append((slopes / (matches.clamp_min(0) + 1e-4) / spread_px).clamp(-2, 2))
-            steps.append(0.3 * torch.log(matches.clamp_min(0) * spread_px**2 + 1e-5) + 2)
+            sure = matches.clamp_min(0)
+            steps.append((slopes / (sure + 1e-4)).div_(spread_px).clamp_(-2, 2))
+            steps.append(sure.mul_(spread_px**2).add_(1e-5).log_().mul_(0.3).add_(2))
         bumps = [bump / spread_px for bump in _bumps(disparity)]
         seen = [residuals, torch.cat([*steps, views.centre, *bumps, context], 1)]
         of_each = torch.split(self.first.weight, [part.shape[1] for part in seen], 1)
         x = pointwise(seen, of_each, _bias(self.first))
         del seen, residuals  # they are large
-        out = self.out(F.relu(self.body(x))).float().contiguous()
-        weights, choice, smooth, more, log_error, kept = out.split(self.parts, 1)
+        out = channels_first(self.out(F.relu(self.body(x))).float())
+        weights, choice, smooth, more, log_error, kept = torch.split(out, self.parts, 1)
         weights, choice, smooth = weights.clamp(-8, 8).exp(), choice.softmax(1), smooth.sigmoid()
         own, wide, fine = (
-            Squares(*((weights * t).sum(1, keepdim=True) for t in squares))
-            for squares in (own, wide, fine)
+            Squares(*(summed(t, weights) for t in squares)) for squares in (own, wide, fine)
         )
         disparity = disparity + spread_px * more
         for k, box in enumerate(BOXES_PX):
@@ -250,7 +251,7 @@ class _Refine(nn.Module):
             moved = (slope / (match + 1e-4)).clamp(-2 * spread_px, 2 * spread_px)
             disparity = disparity + choice[:, k : k + 1] * moved
         around = _neighbours(disparity, self.config.side, self.config.apart_px)
-        disparity = (kept.softmax(1) * around).sum(1, keepdim=True)
+        disparity = summed(around, kept.softmax(1))
         return disparity, log_error + math.log(spread_px)
 
 
@@ -323,13 +324,16 @@ class SweepNet(nn.Module):
         maps = [_whole(_enlarged_by(filled, shares), levels)]
         at_half, at_full = self.refine
         disparity = filled / 2
+        with torch.autocast(disparity.device.type, enabled=False):
+            gains = half.gains(disparity)
+        half = Views(pyramid[-1], gains)
         for _ in range(self.config.half.rounds):
             disparity, _ = at_half(half, disparity, context)
             large = _enlarged_by(2 * disparity, shares)
             maps.append(_whole(large, levels))
         disparity = large
         for level in reversed(range(levels + 1)):
-            views = Views(pyramid[level])
+            views = Views(pyramid[level], gains)
             context = enlarged(context)
             if level < levels:
                 disparity = _whole(disparity, 1)
