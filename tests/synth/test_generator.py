@@ -271,6 +271,17 @@ def test_full_strength_reaches_every_scene_and_seldom_else():
     assert (spread[False] < 0.3 * expected).float().mean() > 0.5
 
 
+def test_a_window_is_darkened_as_a_part_of_the_picture_is():
+    """A lens does not darken every patch that a picture is cut into as it darkens the whole."""
+    faults = replace(Faults.none(), vignetting=1.0, full=True)
+    views, part = torch.ones(1, 3, 1, 60, 60), torch.ones(1, 3, 1, 20, 20)
+    whole = camera_faults.photographed(generator(8), views, faults).views
+    window = camera_faults.photographed(generator(8), part, faults, picture_px=60).views
+    cuts = whole.unfold(-2, 20, 1).unfold(-2, 20, 1)  # (1, 3, 1, 41, 41, 20, 20)
+    differs = (cuts - window[..., None, None, :, :]).abs().amax((0, 1, 2, 5, 6))
+    assert (differs < 1e-6).sum() == 1
+
+
 def test_noise_is_normal_and_the_same_everywhere():
     noise = camera_faults.hashed_normal(torch.Size((200, 1000)), 5, "cpu")
     assert abs(noise.mean()) < 0.01 and abs(noise.std() - 1) < 0.01

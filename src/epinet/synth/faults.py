@@ -83,11 +83,19 @@ def _blur(views: Tensor, sigma: float) -> Tensor:
     return flat.view_as(views)
 
 
-def photographed(g: Generator, views: Tensor, faults: Faults) -> Photos:
+def photographed(
+    g: Generator,
+    views: Tensor,
+    faults: Faults,
+    *,
+    picture_px: int | None = None,
+) -> Photos:
     """Exposure, vignetting, gamma, noise and rounding of clean views.
 
     Args:
         views: (B, P, C, H, W) in 0..1.
+        picture_px: side of the pictures that the views are windows into, anywhere; None: they are
+            whole pictures.
     """
     b, p, c, height, width = views.shape
     device = views.device
@@ -104,7 +112,7 @@ def photographed(g: Generator, views: Tensor, faults: Faults) -> Photos:
     noise = NOISE * faults.noise * _share(g, faults, 7, *one)
     read = dice.uniform(0.1, 0.7, *one)
     key = int(torch.randint(2**31, (), generator=g))
-    y, x = (torch.linspace(-1, 1, length).to(device) for length in (height, width))
+    y, x = (_across(length, picture_px, dice).to(device) for length in (height, width))
     radius = (x + sway.to(device)) ** 2 + y[:, None] ** 2
     seen = views * gain.to(device) * (1 - darker.to(device) * radius).clamp_min(0)
     seen = seen.clamp(0, 1) ** gamma.to(device)
@@ -119,6 +127,13 @@ def photographed(g: Generator, views: Tensor, faults: Faults) -> Photos:
             torch.hypot(deviation, torch.tensor(ROUNDING)),
         )
     return Photos(seen, deviation)
+
+
+def _across(length: int, picture_px: int | None, dice: Dice) -> Tensor:
+    """Places of a window's pixels in a picture from -1 to 1."""
+    whole = torch.linspace(-1, 1, max(length, picture_px or length))
+    first = int(dice.integers(0, len(whole) - length, 1)) if len(whole) > length else 0
+    return whole[first : first + length]
 
 
 def hashed_normal(shape: torch.Size, key: int, device: torch.device | str) -> Tensor:

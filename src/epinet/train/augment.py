@@ -17,6 +17,7 @@ from torch import Generator, Tensor
 
 from epinet.angular import Symmetry
 from epinet.lightfield import LUMA
+from epinet.synth.draw import WORLD_PX
 from epinet.synth.faults import photographed
 from epinet.synth.options import Faults
 
@@ -245,7 +246,8 @@ class CameraFaults:
 
     def apply(self, patch: Patch, choice: int) -> Patch:
         g = Generator().manual_seed(choice)
-        views, deviation = (t[0] for t in photographed(g, patch.views[None], self.faults))
+        photos = photographed(g, patch.views[None], self.faults, picture_px=WORLD_PX)
+        views, deviation = (t[0] for t in photos)
         return replace(patch, views=views, noise=deviation[patch.offsets.index((0, 0))].mean(0))
 
 
