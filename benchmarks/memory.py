@@ -3,8 +3,7 @@
     python -m benchmarks.memory
 
 Each tile runs in a process of its own; its peak above that of the smallest tile, per pixel that the
-network sees, is printed in floats (for EPINET per channel of the merge part, too). What SweepNet's
-sweep takes goes with the number of hypotheses, so it is measured for two ranges.
+network sees, is printed in floats (for EPINET per channel of the merge part, too).
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ from epinet.model.sweepnet import SweepNet
 from epinet.predict.tiling import run_overlapping, run_tiled
 from epinet.synth.options import RANGES_PX
 
-SIDES_PX = {"epinet": (1, 96, 192, 384), "hci": (32, 256, 512, 768), "narrow": (32, 256, 512, 768)}
-"""For EPINET, and for SweepNet by range."""
+SIDES_PX = {"epinet": (1, 96, 192, 384), "sweepnet": (32, 256, 512, 768)}
 
 
 def peak_mb(model: str, side: int) -> float:
@@ -32,7 +30,7 @@ def peak_mb(model: str, side: int) -> float:
     if isinstance(net, Epinet):
         run_tiled(net, stacks, side)
     else:
-        run_overlapping(net, stacks, RANGES_PX[model], 1e6)
+        run_overlapping(net, stacks, RANGES_PX["hci"], 1e6)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
@@ -44,8 +42,6 @@ def main() -> None:
         command = [sys.executable, "-m", "benchmarks.memory", model]
         base, *peaks = (float(subprocess.check_output([*command, str(side)])) for side in sides)
         margin, channels = (2 * MARGIN_PX, 280) if model == "epinet" else (0, 1)
-        if model != "epinet":
-            print(f"{len(SweepNet().hypotheses(RANGES_PX[model], 9)[1])} hypotheses:")
         for side, peak in zip(sides[1:], peaks, strict=True):
             floats = (peak - base) * 2**20 / 4 / (side + margin) ** 2 / channels
             print(f"{model}, {side} px: {peak - base:.0f} MB, {floats:.1f} floats")

@@ -133,8 +133,7 @@ def _shaped(
 
 
 def _once(config: sweepnet.SweepNetConfig) -> sweepnet.SweepNetConfig:
-    half, full = (replace(refine, rounds=1) for refine in (config.half, config.full))
-    return replace(config, half=half, full=full)
+    return replace(config, full=replace(config.full, rounds=1))
 
 
 def _no_fill() -> None:
@@ -149,10 +148,10 @@ def _no_fill() -> None:
 def _no_neighbours() -> None:
     neighbours = sweepnet._neighbours
 
-    def own(images: Tensor, side: int, apart_px: int) -> Tensor:
+    def own(images: Tensor, side: int, apart_px: int) -> list[Tensor]:
         if apart_px == 1:  # by which a map is enlarged
             return neighbours(images, side, apart_px)
-        return images.expand(-1, side**2, -1, -1)
+        return [images] * side**2
 
     sweepnet._neighbours = own
 
@@ -220,7 +219,7 @@ VARIANTS = {
     "context": Variant("context passed to the refinements", patch=_no_context),
     "half": Variant("the refinement at half resolution", patch=_without(0)),
     "full": Variant("the refinement at full resolution", patch=_without(1)),
-    "rounds": Variant("the second round of both refinements", patch=_shaped(_once)),
+    "rounds": Variant("the second round at full resolution", patch=_shaped(_once)),
     "windows": Variant("windows of 1 and 45 px for least squares", patch=_two_windows),
     "slopes": Variant(
         "slopes of the mean of all views: the arms' own",

@@ -308,7 +308,8 @@ def test_all_maps_of_a_wide_range_are_whole_and_in_px_of_the_views():
         net.fill.out.bias[0] += 1
         more = net(torch.full((1, 4, 9, 70, 66), 0.5), (-25.0, 5.0))
     levels, _ = net.hypotheses((-25.0, 5.0), 9)
-    assert len(made.maps) == 1 + 2 + 2 * (levels + 1)
+    half, full = net.config.half.rounds, net.config.full.rounds
+    assert len(made.maps) == 1 + half + full * (levels + 1)
     for one, other in zip(made.maps, more.maps, strict=True):
         assert one.shape == (1, 1, 70, 66)
         assert torch.allclose(other - one, torch.tensor(2.0**levels), atol=0.01)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
+
 from epinet.inspect.sweep import FINE_STEP_PX, ROUGH_STEP_PX, TAIL, fine_match, load_star
 from epinet.lightfield import LightField
 
@@ -32,6 +34,7 @@ class DisparityRange:
         return f"{text}, perhaps wider than the search" if self.hits_limit else text
 
 
+@torch.inference_mode()
 def estimate_range(lf: LightField) -> DisparityRange | None:
     """Measure the range of disparities by a plane sweep, rough to fine. None without texture.
 

@@ -87,9 +87,9 @@ class Views:
             for s, side, row, col in ARMS
         ]
         if gains is not None:
-            fields = (gains @ _planes(self.gray)).clamp(-MOST_GAIN, MOST_GAIN)
-            for (_, _, views), field in zip(self.arms, fields.unbind(1), strict=True):
-                views /= 1 + field.view_as(views)
+            planes = _planes(self.gray)
+            for (_, _, views), of_arm in zip(self.arms, gains.unbind(1), strict=True):
+                views /= (of_arm @ planes).clamp_(-MOST_GAIN, MOST_GAIN).add_(1).view_as(views)
 
     @torch.no_grad()
     def gains(self, disparity: Tensor) -> Tensor:
@@ -110,20 +110,20 @@ class Views:
         every = (..., slice(None, None, SAMPLED_PX), slice(None, None, SAMPLED_PX))
         bright = (self.gray * _planes(self.gray).view(3, *self.gray.shape[2:]))[every].flatten(2)
         products = (bright[:, :, None] * bright[:, None]).flatten(1, 2).mT  # (B, pixels, 9)
-        gains = []
-        for (row, col, _), views in zip(self.arms, self.doubled_arms, strict=True):
-            seen = sampled(views, disparity, [(o * row, o * col) for o in self.offsets])
-            differences = (seen - self.gray)[every].flatten(2)
-            usual = 2 * differences.abs().median(-1, keepdim=True).values + GRAY_LEVEL
-            of_arm = differences.new_zeros(*differences.shape[:2], 3)
-            for _ in range(3):
-                off = (differences - of_arm @ bright) / usual
-                weights = (1 + off.square()).reciprocal().square()
-                normal = (weights @ products).view(*weights.shape[:2], 3, 3)
-                normal = normal + (usual[..., None] / MOST_GAIN).square() * torch.eye(3).to(normal)
-                of_arm = torch.linalg.solve(normal, (weights * differences) @ bright.mT)
-            gains.append(of_arm)
-        return torch.stack(gains, 1)
+        seen = [
+            sampled(views, disparity, [(o * row, o * col) for o in self.offsets])[every]
+            for (row, col, _), views in zip(self.arms, self.doubled_arms, strict=True)
+        ]
+        differences = (torch.cat(seen, 1) - self.gray[every]).flatten(2)
+        usual = 2 * differences.abs().median(-1, keepdim=True).values + GRAY_LEVEL
+        prior = (usual[..., None] / MOST_GAIN).square() * torch.eye(3).to(usual)
+        gains = differences.new_zeros(*differences.shape[:2], 3)
+        for _ in range(3):
+            off = (differences - gains @ bright) / usual
+            weights = (1 + off.square()).reciprocal().square()
+            normal = (weights @ products).view(*gains.shape, 3) + prior
+            gains = torch.linalg.solve(normal, (weights * differences) @ bright.mT)
+        return gains.view(len(gains), len(ARMS), -1, 3)
 
     @cached_property
     def doubled_arms(self) -> list[Tensor]:
@@ -220,7 +220,7 @@ class Views:
         ):
             mean = seen.mean(1, keepdim=True)
             for unit, place in zip(self.units, written.chunk(2, 1), strict=True):
-                torch.div(mean, mean + unit, out=place)
+                torch.div(mean, torch.add(mean, unit, out=place), out=place)
 
 
 def gathered(cost: Tensor) -> tuple[Tensor, Tensor]:
@@ -247,14 +247,15 @@ def gathered(cost: Tensor) -> tuple[Tensor, Tensor]:
     return both[:, :-2].view(b, count, GATHERED, height, width), both[:, -2:]
 
 
-def summed(images: Tensor, weights: Tensor) -> Tensor:
-    """(B, 1, H, W) sum of images (B, C, H, W) times weights.
+def summed(images: Tensor | Sequence[Tensor], weights: Tensor) -> Tensor:
+    """(B, 1, H, W) sum of images (B, C, H, W), or C of (B, 1, H, W), times weights.
 
     Image by image, which caches hold, it takes half the time of all products and their sum.
     """
-    total = images[:, :1] * weights[:, :1]
-    for k in range(1, images.shape[1]):
-        total.addcmul_(images[:, k : k + 1], weights[:, k : k + 1])
+    each = torch.split(images, 1, 1) if isinstance(images, Tensor) else images
+    total = each[0] * weights[:, :1]
+    for k in range(1, len(each)):
+        total.addcmul_(each[k], weights[:, k : k + 1])
     return total
 
 

@@ -8,7 +8,7 @@ moved by hypothesised disparities, and a few small convolutions decide. docs/swe
              hypotheses, scores each
     fill     at half resolution, far-seeing: corrects the best disparities where nothing told
              them, and says how to enlarge the map to full resolution
-    refine   twice at half resolution and twice at full: the views moved by the estimate, a little
+    refine   once at half resolution and twice at full: the views moved by the estimate, a little
              less and a little more; least squares of each arm, weighed by a network, and what it
              adds
 
@@ -70,7 +70,7 @@ class RefineConfig:
     """A pixel chooses from the maps at `side` x `side` places, so far apart."""
     dilations: tuple[int, ...]
     """Of its residual blocks."""
-    rounds: int = 2
+    rounds: int
     """How often it is applied, each time to its own result."""
 
     def __post_init__(self) -> None:
@@ -90,8 +90,8 @@ class SweepNetConfig:
     context_width: int = 16
     """Channels that the fill passes on to the refinements."""
     refine_width: int = 32
-    half: RefineConfig = RefineConfig(0.25, 3, 2, (1, 2, 4, 8, 1))
-    full: RefineConfig = RefineConfig(0.15, 5, 2, (1, 4, 1))
+    half: RefineConfig = RefineConfig(0.25, 3, 2, (1, 2, 4, 8, 1), rounds=1)
+    full: RefineConfig = RefineConfig(0.15, 5, 2, (1, 4, 1), rounds=2)
     """At half resolution, then at full."""
 
     def __post_init__(self) -> None:
@@ -149,26 +149,26 @@ class _Sweep(nn.Module):
         self.body = nn.Sequential(*(_Residual(width, d) for d in (1, 2, 4)))
         self.score = nn.Conv2d(width, 1, 3, padding=1)
 
-    def planes(self, costs: Tensor, seen: Tensor) -> Tensor:
-        """Costs (B, D, PARTS + GATHERED, h, w) and what is SEEN -> features (B, D, C, h, w).
+    def forward(self, costs: Tensor, seen: Tensor) -> Tensor:
+        """Costs (B, D, PARTS + GATHERED, h, w) and what is SEEN -> scores (B, D, h, w).
 
-        A plane sees its own costs and those of the planes before and after it.
+        A plane sees its own costs and those of the planes before and after it. One plane after the
+        other, since the caches hold one.
         """
-        weights, biases = self.first.weight.chunk(3), _bias(self.first).chunk(3)
+        # Of the planes before, at and after it, in this order; they are neighbours in memory, too.
+        weights, biases = (
+            torch.stack([t[1], t[0], t[2]], -1)
+            for t in (torch.chunk(t, 3) for t in (self.first.weight, _bias(self.first)))
+        )
         shared, count = self.shared(seen), costs.shape[1]
-        planes = []
+        scores = []
         for d in range(count):
-            taps = [(k, d + step) for k, step in enumerate((0, -1, 1)) if 0 <= d + step < count]
-            parts, own = [costs[:, place] for _, place in taps], [weights[k] for k, _ in taps]
-            bias = torch.stack([biases[k] for k, _ in taps]).sum(0)
-            planes.append(pointwise(parts, own, bias).add_(shared).movedim(1, -1))
-        return torch.stack(planes, 1).movedim(-1, 2)
-
-    def forward(self, planes: Tensor) -> Tensor:
-        """Features (B, D, C, h, w) -> scores (B, D, h, w)."""
-        b, count = planes.shape[:2]
-        scores: Tensor = self.score(F.relu(self.body(planes.flatten(0, 1))))
-        return scores.view(b, count, *planes.shape[-2:])
+            planes, taps = slice(max(d - 1, 0), d + 2), slice(max(1 - d, 0), count + 1 - d)
+            weight = weights[..., taps].movedim(-1, 1).flatten(1, 2)
+            own = costs[:, planes].flatten(1, 2)
+            plane = pointwise([own], [weight], biases[:, taps].sum(1)).add_(shared)
+            scores.append(self.score(F.relu(self.body(plane), inplace=True)))
+        return torch.cat(scores, 1)
 
 
 class _Fill(nn.Module):
@@ -186,7 +186,7 @@ class _Fill(nn.Module):
     def forward(self, swept: Tensor, spread: Tensor, seen: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Map and its spread (B, 1, h, w) and features -> map, context, shares to enlarge it by."""
         x = torch.cat([seen, spread, *_bumps(swept), swept * 0.1], 1)
-        out = channels_first(self.out(F.relu(self.body(self.first(x)))).float())
+        out = channels_first(self.out(F.relu(self.body(self.first(x)), inplace=True)).float())
         shares = torch.unflatten(out[:, -36:], 1, (9, 2, 2)).softmax(1)
         return swept + out[:, :1], out[:, 1:-36], shares
 
@@ -233,7 +233,7 @@ class _Refine(nn.Module):
         of_each = torch.split(self.first.weight, [part.shape[1] for part in seen], 1)
         x = pointwise(seen, of_each, _bias(self.first))
         del seen, residuals  # they are large
-        out = channels_first(self.out(F.relu(self.body(x))).float())
+        out = channels_first(self.out(F.relu(self.body(x), inplace=True)).float())
         weights, choice, smooth, more, log_error, kept = torch.split(out, self.parts, 1)
         weights, choice, smooth = weights.clamp(-8, 8).exp(), choice.softmax(1), smooth.sigmoid()
         own, wide, fine = (
@@ -307,30 +307,28 @@ class SweepNet(nn.Module):
         side = 2 ** (levels + 1)
         pad = (0, -width % side, 0, -height % side)
         padded = F.pad(stacks.flatten(1, 2), pad, mode="replicate")
-        pyramid = [
-            _stacks(F.avg_pool2d(padded, 2**k) if k else padded, stacks.shape[2])
-            for k in range(levels + 2)
-        ]
+        pyramid = [padded]
+        for _ in range(levels + 1):
+            pyramid.append(_halved(pyramid[-1]))
+        pyramid = [_stacks(images, stacks.shape[2]) for images in pyramid]
 
         half = Views(pyramid[-1])
         with torch.no_grad():
             costs, distinct = half.costs((hypotheses / side).tolist())
         seen = torch.cat([half.centre, costs[:, :, :PARTS].amin(1), distinct], 1)
-        planes = self.sweep.planes(costs, seen)
+        scores = self.sweep(costs, seen)
         del costs  # they are large
-        scores = self.sweep(planes)
         swept, spread = _best(scores, hypotheses / 2**levels)
         filled, context, shares = self.fill(swept, spread, seen)
         maps = [_whole(_enlarged_by(filled, shares), levels)]
         at_half, at_full = self.refine
         disparity = filled / 2
-        with torch.autocast(disparity.device.type, enabled=False):
-            gains = half.gains(disparity)
-        half = Views(pyramid[-1], gains)
         for _ in range(self.config.half.rounds):
             disparity, _ = at_half(half, disparity, context)
             large = _enlarged_by(2 * disparity, shares)
             maps.append(_whole(large, levels))
+        with torch.autocast(disparity.device.type, enabled=False):
+            gains = half.gains(disparity)
         disparity = large
         for level in reversed(range(levels + 1)):
             views = Views(pyramid[level], gains)
@@ -349,6 +347,12 @@ def searched(low_px: float, high_px: float) -> tuple[float, float]:
     """Where to look for the disparities of a scene that lie between these, px."""
     slack = max(LEAST_SLACK_PX, SLACK * (high_px - low_px))
     return low_px - slack, high_px + slack
+
+
+def _halved(images: Tensor) -> Tensor:
+    """Means of 2x2 px of images with even sides: torch's pooling takes several times as long."""
+    rows = images[..., ::2, :] + images[..., 1::2, :]
+    return (rows[..., ::2] + rows[..., 1::2]).div_(4)
 
 
 def _stacks(images: Tensor, views: int) -> Tensor:
@@ -374,19 +378,18 @@ def _bumps(disparity: Tensor) -> list[Tensor]:
     return [box_mean(disparity, side) - disparity for side in SMOOTHINGS_PX]
 
 
-def _neighbours(images: Tensor, side: int, apart_px: int) -> Tensor:
-    """(B, side^2, H, W) of images (B, 1, H, W): at each place of a square; the border repeats."""
+def _neighbours(images: Tensor, side: int, apart_px: int) -> list[Tensor]:
+    """(B, 1, H, W) images at each of the side^2 places of a square; the border repeats."""
     reach, (height, width) = side // 2 * apart_px, images.shape[-2:]
     padded = F.pad(images, (reach,) * 4, mode="replicate")
     steps = range(0, 2 * reach + 1, apart_px)
-    moved = [padded[..., y : y + height, x : x + width] for y in steps for x in steps]
-    return torch.cat(moved, 1)
+    return [padded[..., y : y + height, x : x + width] for y in steps for x in steps]
 
 
 def _enlarged_by(disparity: Tensor, shares: Tensor) -> Tensor:
     """Map (B, 1, h, w) as (B, 1, 2h, 2w): means of the 3x3 around, by (B, 9, 2, 2, h, w) shares."""
     b, _, h, w = disparity.shape
-    around = _neighbours(disparity, 3, 1).view(b, 9, 1, 1, h, w)
+    around = torch.cat(_neighbours(disparity, 3, 1), 1).view(b, 9, 1, 1, h, w)
     return (shares * around).sum(1).permute(0, 3, 1, 4, 2).reshape(b, 1, 2 * h, 2 * w)
 
 

@@ -24,9 +24,8 @@ FLOATS_PER_PX_AND_CHANNEL = 5.3
 OVERLAP_PX = 64
 """What SweepNet's tiles share with each neighbour."""
 
-FLOATS_PER_PX, FLOATS_PER_PX_AND_HYPOTHESIS = 940, 60
-"""Peaks of what SweepNet holds at once: while it refines, and while it sweeps (measured; see
-benchmarks/memory.py)."""
+FLOATS_PER_PX = 800
+"""Peak of what SweepNet holds at once (measured; see benchmarks/memory.py)."""
 
 
 def tile_side_px(net: Epinet, memory_mb: float) -> int:
@@ -78,9 +77,7 @@ def run_overlapping(
 ) -> tuple[Tensor, Tensor]:
     """Disparity and its expected error (H, W), both px, of stacks (4, N, H, W)."""
     height, width = stacks.shape[-2:]
-    levels, hypotheses = net.hypotheses(range_px, stacks.shape[1])
-    swept = FLOATS_PER_PX_AND_HYPOTHESIS * len(hypotheses) / 4**levels
-    side = math.isqrt(int(memory_mb * 2**20 / 4 / max(FLOATS_PER_PX, swept)))
+    side = math.isqrt(int(memory_mb * 2**20 / 4 / FLOATS_PER_PX))
     inner = max(64, side - 2 * OVERLAP_PX) if max(height, width) > side else side
     disparity, error = torch.empty(2, height, width, device=stacks.device)
     for top, bottom, left, right in _tiles(height, width, inner):
