@@ -125,6 +125,17 @@ def test_gains_of_the_views_are_found_and_undone(views):
     assert F.mse_loss(undone, right) < 0.01 * F.mse_loss(given, right)
 
 
+def test_gains_are_as_exact_where_a_training_run_rounds():
+    stacks, disparity = plane(0.63), torch.full((1, 1, SIDE_PX, SIDE_PX), 0.63)
+    stacks[:, :, :4] *= 1.01
+    exact, rounded = [], []
+    for bf16, seen in ((False, exact), (True, rounded)):
+        with torch.autocast("cpu", torch.bfloat16, enabled=bf16):
+            gains = Views(stacks).gains(disparity)
+            seen += [views for *_, views in Views(stacks, gains).arms]
+    assert torch.equal(torch.stack(rounded), torch.stack(exact))
+
+
 def test_black_views_have_no_gains():
     views = Views(torch.zeros(1, 4, 9, 32, 32))
     assert not views.gains(torch.zeros(1, 1, 32, 32)).any()

@@ -88,8 +88,10 @@ class Views:
         ]
         if gains is not None:
             planes = _planes(self.gray)
-            for (_, _, views), of_arm in zip(self.arms, gains.unbind(1), strict=True):
-                views /= (of_arm @ planes).clamp_(-MOST_GAIN, MOST_GAIN).add_(1).view_as(views)
+            with torch.autocast(self.gray.device.type, enabled=False):  # which rounds to a percent
+                for (_, _, views), of_arm in zip(self.arms, gains.unbind(1), strict=True):
+                    field = (of_arm @ planes).clamp_(-MOST_GAIN, MOST_GAIN).view_as(views)
+                    views /= 1 + field
 
     @torch.no_grad()
     def gains(self, disparity: Tensor) -> Tensor:
@@ -118,11 +120,12 @@ class Views:
         usual = 2 * differences.abs().median(-1, keepdim=True).values + GRAY_LEVEL
         prior = (usual[..., None] / MOST_GAIN).square() * torch.eye(3).to(usual)
         gains = differences.new_zeros(*differences.shape[:2], 3)
-        for _ in range(3):
-            off = (differences - gains @ bright) / usual
-            weights = (1 + off.square()).reciprocal().square()
-            normal = (weights @ products).view(*gains.shape, 3) + prior
-            gains = torch.linalg.solve(normal, (weights * differences) @ bright.mT)
+        with torch.autocast(self.gray.device.type, enabled=False):
+            for _ in range(3):
+                off = (differences - gains @ bright) / usual
+                weights = (1 + off.square()).reciprocal().square()
+                normal = (weights @ products).view(*gains.shape, 3) + prior
+                gains = torch.linalg.solve(normal, (weights * differences) @ bright.mT)
         return gains.view(len(gains), len(ARMS), -1, 3)
 
     @cached_property

@@ -327,8 +327,7 @@ class SweepNet(nn.Module):
             disparity, _ = at_half(half, disparity, context)
             large = _enlarged_by(2 * disparity, shares)
             maps.append(_whole(large, levels))
-        with torch.autocast(disparity.device.type, enabled=False):
-            gains = half.gains(disparity)
+        gains = half.gains(disparity)
         disparity = large
         for level in reversed(range(levels + 1)):
             views = Views(pyramid[level], gains)
