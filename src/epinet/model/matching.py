@@ -30,8 +30,9 @@ FINE_PX = 7
 SAMPLED_PX = 2
 """Of so many rows and columns one tells the views' gains."""
 MOST_GAIN = 0.3
-"""Gains are at most this, either way; they are expected to be less."""
+"""Gains are at most this, either way, and of about this deviation where views tell nothing else."""
 GRAY_LEVEL = 1 / 255
+"""Views that match differ by about this, whatever their noise."""
 OUTERMOST = 4
 """Distance of the outermost views from the centre in the network's own unit of baseline."""
 GATHERED = 2

@@ -157,16 +157,16 @@ class _Sweep(nn.Module):
         """
         # Of the planes before, at and after it, in this order; they are neighbours in memory, too.
         weights, biases = (
-            torch.stack([t[1], t[0], t[2]], -1)
-            for t in (torch.chunk(t, 3) for t in (self.first.weight, _bias(self.first)))
+            torch.unflatten(t, 0, (3, -1))[[1, 0, 2]]
+            for t in (self.first.weight, _bias(self.first))
         )
         shared, count = self.shared(seen), costs.shape[1]
         scores = []
         for d in range(count):
             planes, taps = slice(max(d - 1, 0), d + 2), slice(max(1 - d, 0), count + 1 - d)
-            weight = weights[..., taps].movedim(-1, 1).flatten(1, 2)
+            weight = weights[taps].transpose(0, 1).flatten(1, 2)
             own = costs[:, planes].flatten(1, 2)
-            plane = pointwise([own], [weight], biases[:, taps].sum(1)).add_(shared)
+            plane = pointwise([own], [weight], biases[taps].sum(0)).add_(shared)
             scores.append(self.score(F.relu(self.body(plane), inplace=True)))
         return torch.cat(scores, 1)
 

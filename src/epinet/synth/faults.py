@@ -84,11 +84,7 @@ def _blur(views: Tensor, sigma: float) -> Tensor:
 
 
 def photographed(
-    g: Generator,
-    views: Tensor,
-    faults: Faults,
-    *,
-    picture_px: int | None = None,
+    g: Generator, views: Tensor, faults: Faults, *, picture_px: int | None = None
 ) -> Photos:
     """Exposure, vignetting, gamma, noise and rounding of clean views.
 
