@@ -30,7 +30,7 @@ from torch.nn import functional as F
 from epinet import read_light_field
 from epinet.metrics.disparity import score
 from epinet.model import checkpoint, matching, sweepnet
-from epinet.predict.estimator import Estimator
+from epinet.predict import estimator
 from epinet.synth.generator import VERSION
 from epinet.synth.validation import validation_folder
 from epinet.train import losses, recipe
@@ -183,12 +183,7 @@ def _not_doubled() -> None:
 
 
 def _no_gains() -> None:
-    gains = matching.Views.gains
-
-    def none(self: matching.Views, disparity: Tensor) -> Tensor:
-        return torch.zeros_like(gains(self, disparity))
-
-    matching.Views.gains = none
+    estimator.even = lambda stacks, gains: None
 
 
 def _no_context() -> None:
@@ -260,14 +255,14 @@ def trained(name: str, steps: int) -> dict[str, Any]:
         chosen = load_recipe(RECIPE, changes | variant.changes)
         run = Run(chosen, Path(folder), say=lambda line: None)
         run.train()
-        estimator = Estimator(run.weights(), device="cpu")
+        predictor = estimator.Estimator(run.weights(), device="cpu")
         small = run.history[-1]["scores"]
     each = []
     traced = validation_folder().parent / "pathtraced"
     for scene in json.loads((traced / "dataset.json").read_text())["scenes"]:
         lf = read_light_field(traced / scene)
         assert lf.truth is not None
-        each.append(score(estimator.predict(lf).disparity, lf.truth))
+        each.append(score(predictor.predict(lf).disparity, lf.truth))
     return {
         "says": variant.says,
         "held-out": {key: round(small[key], 2) for key in KEYS},

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.shifts import shifted
+from epinet.shifts import Margined
 
 HEIGHT, WIDTH = 7, 10
 
@@ -14,7 +14,7 @@ HEIGHT, WIDTH = 7, 10
 def test_it_is_the_picture_so_much_further_on(rows, cols):
     """Beyond the picture, too, where its border repeats."""
     images = torch.rand(2, HEIGHT, WIDTH, generator=torch.Generator().manual_seed(8))
-    moved = shifted(images, rows, cols)
+    moved = Margined(images, max(abs(rows), abs(cols))).shifted(rows, cols)
     assert moved.shape == images.shape
     y, x = np.arange(HEIGHT) + rows, np.arange(WIDTH) + cols
     for image, found in zip(images.double().numpy(), moved.numpy(), strict=True):

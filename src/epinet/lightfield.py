@@ -115,10 +115,11 @@ class LightField:
         if view.shape[2] == 1:
             return self.unit(row, col)[..., 0]
         # Several times as fast as a product of the unit view with a vector of three.
-        shares = LUMA / self._white
-        gray: NDArray[np.float32] = np.multiply(view[..., 0], shares[0], dtype=np.float32)
-        for k in (1, 2):
-            gray += np.multiply(view[..., k], shares[k], dtype=np.float32)
+        gray = np.zeros(view.shape[:2], np.float32)
+        for k, share in enumerate(LUMA):
+            channel = np.divide(view[..., k], self._white, dtype=np.float32)
+            channel *= share
+            gray += channel
         return gray
 
     def unit(self, row: int, col: int) -> NDArray[np.float32]:

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from epinet.model.channels_last import channels_first, pointwise
+from epinet.model.channels_last import channels_first, pointwise, to_one
 
 
 @pytest.fixture(params=[torch.contiguous_format, torch.channels_last])
@@ -20,6 +20,12 @@ def test_a_convolution_of_one_pixel_is_one(images):
             found = pointwise(parts, weights, layer.bias)
             assert torch.allclose(found, layer(images), atol=1e-6)
             assert found.is_contiguous(memory_format=torch.channels_last)
+
+
+def test_a_convolution_to_one_channel_is_one(images):
+    layer = torch.nn.Conv2d(7, 1, 3, padding=1)
+    with torch.no_grad():
+        assert torch.allclose(to_one(layer, images), layer(images), atol=1e-6)
 
 
 def test_channels_come_first_in_memory(images):

@@ -16,10 +16,10 @@ from epinet.model.matching import (
     Views,
     doubled,
     gathered,
-    sampled,
     summed,
 )
 from epinet.model.sweepnet import SweepNet, SweepNetConfig
+from epinet.shifts import sampled
 
 SIDE_PX = 48
 INNER = (..., slice(12, -12), slice(12, -12))
@@ -97,48 +97,6 @@ def test_doubled_views_keep_fine_texture_that_linear_sampling_loses():
         for shown in (views, doubled(views))
     ]
     assert errors[1].mean() < 0.5 * errors[0].mean()
-
-
-@pytest.mark.parametrize("views", [3, 5, 9])
-def test_gains_of_the_views_are_found_and_undone(views):
-    """Other exposures, and light that falls off to one side, though a part of the map is wrong."""
-    g = torch.Generator().manual_seed(5)
-    half, side = views // 2, 96
-    clean = plane(0.63 * OUTERMOST / half, views, side)
-    true = torch.empty(4, views, 3).uniform_(-0.05, 0.05, generator=g)
-    true[:, half] = 0
-    y, x = torch.meshgrid(*(2 * [torch.linspace(-1, 1, side)]), indexing="ij")
-    stacks = clean * (1 + (true @ torch.stack([torch.ones(side, side), x, y]).flatten(1))).view(
-        1, 4, views, side, side
-    )
-    disparity = torch.full((1, 1, side, side), 0.63)
-    disparity[..., :40, :40] -= 1.5
-    found = Views(stacks).gains(disparity)
-    wanted = torch.stack(
-        [true[s, [half + k * sign for k in range(1, half + 1)]] for s, sign, *_ in ARMS]
-    )
-    assert torch.allclose(found[0], wanted, atol=4e-3)
-    right, given, undone = (
-        torch.stack([seen for *_, seen in made.arms])
-        for made in (Views(clean), Views(stacks), Views(stacks, found))
-    )
-    assert F.mse_loss(undone, right) < 0.01 * F.mse_loss(given, right)
-
-
-def test_gains_are_as_exact_where_a_training_run_rounds():
-    stacks, disparity = plane(0.63), torch.full((1, 1, SIDE_PX, SIDE_PX), 0.63)
-    stacks[:, :, :4] *= 1.01
-    exact, rounded = [], []
-    for bf16, seen in ((False, exact), (True, rounded)):
-        with torch.autocast("cpu", torch.bfloat16, enabled=bf16):
-            gains = Views(stacks).gains(disparity)
-            seen += [views for *_, views in Views(stacks, gains).arms]
-    assert torch.equal(torch.stack(rounded), torch.stack(exact))
-
-
-def test_black_views_have_no_gains():
-    views = Views(torch.zeros(1, 4, 9, 32, 32))
-    assert not views.gains(torch.zeros(1, 1, 32, 32)).any()
 
 
 def test_images_are_summed_by_their_weights():

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 
 import torch
 
-from epinet.inspect.sweep import FINE_STEP_PX, ROUGH_STEP_PX, TAIL, fine_match, load_star
+from epinet.inspect.sweep import (
+    FINE_STEP_PX,
+    ROUGH_STEP_PX,
+    TAIL,
+    Match,
+    Star,
+    fine_match,
+    load_star,
+)
 from epinet.lightfield import LightField
 
 LONGER_SIDE_PX = 192
@@ -29,6 +37,17 @@ class DisparityRange:
     hits_limit: bool
     """The range ends where the search ended, so the true one may be wider."""
 
+    @classmethod
+    def of(cls, star: Star, match: Match) -> DisparityRange:
+        """That of a star's match, see `range_match`."""
+        low, high = match.disparity_percentiles(TAIL)
+        return cls(
+            min_px=low / star.scale,
+            max_px=high / star.scale,
+            search_px=star.search / star.scale,
+            hits_limit=max(-low, high) >= star.search - _step_px(star),
+        )
+
     def __str__(self) -> str:
         text = f"{self.min_px:.2f}..{self.max_px:.2f} px per adjacent view"
         return f"{text}, perhaps wider than the search" if self.hits_limit else text
@@ -45,15 +64,18 @@ def estimate_range(lf: LightField) -> DisparityRange | None:
         InputError: the grid is smaller than 3x3, or the star of views is missing.
     """
     star = load_star(lf, LONGER_SIDE_PX)
-    step_px = min(ROUGH_STEP_PX, max(FINE_STEP_PX, SPACING_PX * star.scale * star.radius))
-    match = fine_match(star, step_px)
-    if match is None:
-        return None
-    low, high = match.disparity_percentiles(TAIL)
-    limit = star.search - step_px
-    return DisparityRange(
-        min_px=low / star.scale,
-        max_px=high / star.scale,
-        search_px=star.search / star.scale,
-        hits_limit=max(-low, high) >= limit,
-    )
+    match = range_match(star)
+    return None if match is None else DisparityRange.of(star, match)
+
+
+def range_match(star: Star) -> Match | None:
+    """A plane sweep, rough to fine, that tells the range. None without texture.
+
+    Args:
+        star: exposed alike, in working images of LONGER_SIDE_PX.
+    """
+    return fine_match(star, _step_px(star))
+
+
+def _step_px(star: Star) -> float:
+    return min(ROUGH_STEP_PX, max(FINE_STEP_PX, SPACING_PX * star.scale * star.radius))

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from epinet.angular import star_positions
+from epinet.angular import DIRECTIONS_DEG, direction_positions, star_positions
 from epinet.errors import InputError
 from epinet.lightfield import LightField
-from epinet.shifts import shifted
+from epinet.shifts import Margined
 from epinet.squares import box_mean
 
 LONGER_SIDE_PX = 256
@@ -62,7 +62,7 @@ class Star:
     centre: Tensor
     """(H, W) intensity, 0..1."""
     views: Tensor
-    """(N, H, W) the other views, each brought to the mean brightness of the centre view."""
+    """(N, H, W) the other views."""
     offsets: tuple[Offset, ...]
     """Where each view stands."""
     scale: float
@@ -77,6 +77,11 @@ class Star:
     def search(self) -> float:
         """Largest |disparity| to look for, in working pixels."""
         return self.scale * largest_searched_px(min(self.centre.shape) / self.scale)
+
+    def exposed_alike(self) -> Star:
+        """Each view brought to the mean brightness of the centre view."""
+        gain = self.centre.mean() / self.views.mean((1, 2), keepdim=True).clamp_min(1e-6)
+        return replace(self, views=self.views * gain)
 
     def rings(self, disparity: float) -> Star:
         """The views of two rings, as far out as a disparity of this size stays within reach."""
@@ -137,7 +142,7 @@ class Match:
 
 
 def load_star(lf: LightField, longer_side_px: int = LONGER_SIDE_PX) -> Star:
-    """The star views of the largest central odd grid; views that are not present are left out.
+    """The star views of the largest central odd grid, exposed alike; absent ones are left out.
 
     Raises:
         InputError: the grid is smaller than 3x3, or lacks the centre or all other star views.
@@ -152,9 +157,23 @@ def load_star(lf: LightField, longer_side_px: int = LONGER_SIDE_PX) -> Star:
     scale = min(1.0, longer_side_px / max(lf.size))
     centre = working_image(grid.gray(middle, middle), scale)
     views = torch.stack([working_image(grid.gray(*p), scale) for p in positions])
-    gain = centre.mean() / views.mean(dim=(1, 2), keepdim=True).clamp_min(1e-6)
     offsets = tuple((row - middle, col - middle) for row, col in positions)
-    return Star(centre, views * gain, offsets, scale)
+    return Star(centre, views, offsets, scale).exposed_alike()
+
+
+def star_of_stacks(stacks: Tensor, longer_side_px: int = LONGER_SIDE_PX) -> Star:
+    """The star of a network's input (4, N, H, W): its views as they are, in the order of stacks."""
+    views, middle = stacks.shape[1], stacks.shape[1] // 2
+    scale = min(1.0, longer_side_px / max(stacks.shape[-2:]))
+    images = torch.unflatten(working_images(stacks.flatten(0, 1), scale), 0, (4, views))
+    others = [k for k in range(views) if k != middle]
+    offsets = tuple(
+        (row - middle, col - middle)
+        for direction in DIRECTIONS_DEG
+        for row, col in direction_positions(direction, views)
+        if (row, col) != (middle, middle)
+    )
+    return Star(images[0, middle], images[:, others].flatten(0, 1), offsets, scale)
 
 
 def sweep(
@@ -172,10 +191,21 @@ def sweep(
     """
     groups = _halves(star.offsets) if occlusions else [slice(None)]
     planes = max(2, int(np.ceil((high - low) * star.radius / step_px)) + 1)
+    reach_px = max(abs(low), abs(high))
+    views = [
+        Margined(view[None], reach_px * _ring(offset))
+        for view, offset in zip(star.views, star.offsets, strict=True)
+    ]
     cost = torch.full_like(star.centre, torch.inf)
     disparity, total = torch.zeros_like(cost), torch.zeros_like(cost)
     for d in np.linspace(low, high, planes):
-        moved = _differences(star, float(d))
+        moved = torch.cat(
+            [
+                view.shifted(-float(d) * row, -float(d) * col)
+                for view, (row, col) in zip(views, star.offsets, strict=True)
+            ]
+        )
+        moved.sub_(star.centre).abs_().clamp_(max=TRUNCATION)
         tried = box_mean(torch.stack([moved[group].mean(0) for group in groups]), window).amin(0)
         disparity.masked_fill_(tried < cost, float(d))
         cost = torch.minimum(cost, tried)
@@ -229,15 +259,18 @@ def _halves(offsets: tuple[Offset, ...]) -> list[list[int]]:
 
 
 def working_image(gray: NDArray[np.float32], scale: float) -> Tensor:
-    """Scale down and blur a little: interpolation between pixels needs smooth images."""
-    image = torch.from_numpy(np.ascontiguousarray(gray))[None, None]
+    """(H, W) as `working_images`."""
+    return working_images(torch.from_numpy(np.ascontiguousarray(gray))[None], scale)[0]
+
+
+def working_images(images: Tensor, scale: float) -> Tensor:
+    """Scale (N, H, W) down and blur a little: interpolation between pixels needs smooth images."""
     if scale < 1:
-        size = [max(1, round(scale * side)) for side in gray.shape]
-        image = functional.interpolate(image, size, mode="bilinear", antialias=True)
-    kernel = torch.tensor([0.25, 0.5, 0.25])
-    padded = functional.pad(image, (1, 1, 1, 1), mode="replicate")
-    with torch.autocast("cpu", enabled=False):  # of a training run that validates
-        return functional.conv2d(padded, torch.outer(kernel, kernel)[None, None])[0, 0]
+        size = [max(1, round(scale * side)) for side in images.shape[-2:]]
+        images = functional.interpolate(images[None], size, mode="bilinear", antialias=True)[0]
+    padded = functional.pad(images, (1, 1, 1, 1), mode="replicate")
+    rows = padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:]
+    return (rows[..., :-2] + 2 * rows[..., 1:-1] + rows[..., 2:]) / 16
 
 
 def _edge_distance(image: Tensor) -> Tensor:
@@ -251,12 +284,3 @@ def _edge_distance(image: Tensor) -> Tensor:
 def _textured(image: Tensor) -> Tensor:
     mean, mean_square = box_mean(torch.stack([image, image**2]), WINDOW)
     return torch.gt(mean_square - mean**2, MIN_CONTRAST**2)
-
-
-def _differences(star: Star, disparity: float) -> Tensor:
-    """(N, H, W) truncated |view - centre|, each view moved back for the plane."""
-    moved = [
-        shifted(view, -disparity * row, -disparity * col)
-        for view, (row, col) in zip(star.views[:, None], star.offsets, strict=True)
-    ]
-    return torch.cat(moved).sub_(star.centre).abs_().clamp_(max=TRUNCATION)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional as F
 
 PIECE = 2**14
@@ -29,6 +29,19 @@ def pointwise(parts: Sequence[Tensor], weights: Sequence[Tensor], bias: Tensor) 
         own = weight.flatten(1).T.to(flat.dtype)
         flat.baddbmm_(row.to(flat.dtype), own.expand(len(row), -1, -1))
     return flat.transpose(1, 2).view(len(flat), -1, *parts[0].shape[-2:])
+
+
+def to_one(layer: nn.Conv2d, images: Tensor) -> Tensor:
+    """A convolution of 3x3 to one channel, padded by zeros, of images (B, C, H, W)."""
+    height, width = images.shape[-2:]
+    of_taps = layer.weight[0].flatten(1).T.expand(len(images), -1, -1)
+    taps = torch.unflatten(of_taps @ images.flatten(2), -1, (height, width)).float()
+    padded = F.pad(taps, (1, 1, 1, 1))
+    parts = [
+        padded[:, k : k + 1, k // 3 : k // 3 + height, k % 3 : k % 3 + width] for k in range(9)
+    ]
+    assert layer.bias is not None
+    return sum(parts, layer.bias.view(1, -1, 1, 1))
 
 
 def channels_first(images: Tensor) -> Tensor:

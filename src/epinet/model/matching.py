@@ -9,7 +9,7 @@ ones apart, so that grids of any size look alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import torch
@@ -18,7 +18,7 @@ from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
 from epinet.model.contrast import local_statistics
-from epinet.shifts import gradients_of, shifted
+from epinet.shifts import Margined, gradients_of, sampled
 from epinet.squares import box_mean, extremes
 
 UNIT_WINDOW_PX = 9
@@ -27,12 +27,6 @@ FLOOR = 0.003
 """Contrast well below this, near a gray level of 255, counts as noise."""
 FINE_PX = 7
 """Differences less their mean over this square do not see a shine that moves with the view."""
-SAMPLED_PX = 2
-"""Of so many rows and columns one tells the views' gains."""
-MOST_GAIN = 0.3
-"""Gains are at most this, either way, and of about this deviation where views tell nothing else."""
-GRAY_LEVEL = 1 / 255
-"""Views that match differ by about this, whatever their noise."""
 OUTERMOST = 4
 """Distance of the outermost views from the centre in the network's own unit of baseline."""
 GATHERED = 2
@@ -71,10 +65,9 @@ class Views:
 
     Args:
         stacks: (B, 4, N, H, W) gray, 0..1, in the order of `epinet.angular.DIRECTIONS_DEG`.
-        gains: of the arms' views, which are divided by them; see `gains`.
     """
 
-    def __init__(self, stacks: Tensor, gains: Tensor | None = None) -> None:
+    def __init__(self, stacks: Tensor) -> None:
         half = stacks.shape[2] // 2
         self.offsets = [OUTERMOST * k / half for k in range(1, half + 1)]
         self.inner = max(1, half // 2)  # of each arm, in the order of its views
@@ -87,47 +80,6 @@ class Views:
             (row, col, torch.stack([stacks[:, s, half + side * k] for k in range(1, half + 1)], 1))
             for s, side, row, col in ARMS
         ]
-        if gains is not None:
-            planes = _planes(self.gray)
-            with torch.autocast(self.gray.device.type, enabled=False):  # which rounds to a percent
-                for (_, _, views), of_arm in zip(self.arms, gains.unbind(1), strict=True):
-                    field = (of_arm @ planes).clamp_(-MOST_GAIN, MOST_GAIN).view_as(views)
-                    views /= 1 + field
-
-    @torch.no_grad()
-    def gains(self, disparity: Tensor) -> Tensor:
-        """How much brighter each arm's views are than the centre view where a map matches them.
-
-        Exposures differ, and a lens darkens its rim, about another centre in each view: that is a
-        gain which changes linearly across the picture. What the map gets wrong, or another
-        surface hides, is told from it as an outlier (iterated least squares with Cauchy's weights,
-        squared).
-
-        Args:
-            disparity: (B, 1, H, W) the map.
-
-        Returns:
-            (B, 8, P, 3) of each view, as shares: in the middle of the picture, and how much more at
-            its right and lower border.
-        """
-        every = (..., slice(None, None, SAMPLED_PX), slice(None, None, SAMPLED_PX))
-        bright = (self.gray * _planes(self.gray).view(3, *self.gray.shape[2:]))[every].flatten(2)
-        products = (bright[:, :, None] * bright[:, None]).flatten(1, 2).mT  # (B, pixels, 9)
-        seen = [
-            sampled(views, disparity, [(o * row, o * col) for o in self.offsets])[every]
-            for (row, col, _), views in zip(self.arms, self.doubled_arms, strict=True)
-        ]
-        differences = (torch.cat(seen, 1) - self.gray[every]).flatten(2)
-        usual = 2 * differences.abs().median(-1, keepdim=True).values + GRAY_LEVEL
-        prior = (usual[..., None] / MOST_GAIN).square() * torch.eye(3).to(usual)
-        gains = differences.new_zeros(*differences.shape[:2], 3)
-        with torch.autocast(self.gray.device.type, enabled=False):
-            for _ in range(3):
-                off = (differences - gains @ bright) / usual
-                weights = (1 + off.square()).reciprocal().square()
-                normal = (weights @ products).view(*gains.shape, 3) + prior
-                gains = torch.linalg.solve(normal, (weights * differences) @ bright.mT)
-        return gains.view(len(gains), len(ARMS), -1, 3)
 
     @cached_property
     def doubled_arms(self) -> list[Tensor]:
@@ -146,11 +98,16 @@ class Views:
         shape = (len(self.gray), len(disparities), PARTS + GATHERED, *self.gray.shape[2:])
         planes = self.gray.new_empty(shape)
         own = planes[:, :, :PARTS]
-        for plane, d in zip(own.unbind(1), disparities, strict=True):
-            for (row, col, views), into in zip(self.arms, plane.chunk(len(ARMS), 1), strict=True):
+        reach_px = max(map(abs, disparities))
+        for (row, col, views), of_arm in zip(self.arms, own.chunk(len(ARMS), 2), strict=True):
+            margined = [
+                Margined(view, o * reach_px)
+                for o, view in zip(self.offsets, views.unbind(1), strict=True)
+            ]
+            for d, into in zip(disparities, of_arm.unbind(1), strict=True):
                 moved = [
-                    shifted(views[:, k], -d * o * row, -d * o * col)
-                    for k, o in enumerate(self.offsets)
+                    view.shifted(-d * o * row, -d * o * col)
+                    for o, view in zip(self.offsets, margined, strict=True)
                 ]
                 self._measure(torch.stack(moved, 1) - self.gray, into)
         planes[:, :, PARTS:], distinct = gathered(own.mean(2))
@@ -268,39 +225,6 @@ def enlarged(images: Tensor) -> Tensor:
     return F.interpolate(images, scale_factor=2, mode="bilinear", align_corners=False)
 
 
-def sampled(
-    views: Tensor,
-    disparity: Tensor,
-    moves: Sequence[tuple[float, float]],
-    top: int = 0,
-) -> Tensor:
-    """Views where they show the centre view's points, bilinear; the border repeats.
-
-    Args:
-        views: (B, P, H, W), or `doubled` so often that they are so many times as large.
-        disparity: (B, 1, R, W) of the centre view's rows from `top` on, px per unit of `moves`.
-        moves: (rows, columns) of the views from the centre view. A view at (r, c) shows the point
-            of (x, y) at (x - c d, y - r d).
-
-    Returns:
-        (B, P, R, W).
-    """
-    b, p, h, w = views.shape
-    rows, width = disparity.shape[-2:]
-    per_px = w // width
-    places = _places(h, w, per_px, views.device, views.dtype)[:, top : top + rows]
-    by = [(2 * per_px * col / w, 2 * per_px * row / h) for row, col in moves]
-    by_px = torch.tensor(by, dtype=views.dtype, device=views.device).view(1, p, 2, 1, 1)
-    grid = torch.addcmul(places, disparity[:, :, None], by_px, value=-1)  # (B, P, 2, R, W)
-    seen = F.grid_sample(
-        views.reshape(b * p, 1, h, w),
-        grid.flatten(0, 1).permute(0, 2, 3, 1),
-        padding_mode="border",
-        align_corners=False,
-    )
-    return seen.view(b, p, rows, width)
-
-
 def doubled(images: Tensor) -> Tensor:
     """Images (B, P, H, W) with points half-way between their pixels, (B, P, 2H, 2W), bicubic.
 
@@ -322,23 +246,3 @@ def _halfway(padded: Tensor, axis: int) -> Tensor:
         padded.narrow(axis, k, padded.shape[axis] - 3) for k in range(4)
     )
     return (second + third).mul_(19 / 32).sub_(first + fourth, alpha=3 / 32)
-
-
-def _planes(images: Tensor) -> Tensor:
-    """(3, H * W): one; and from -1 to 1 to the right, and down."""
-    down, right = (torch.linspace(-1, 1, length).to(images) for length in images.shape[2:])
-    right, down = torch.meshgrid(right, down, indexing="xy")
-    return torch.stack([torch.ones_like(right), right, down]).flatten(1)
-
-
-@lru_cache(maxsize=4)
-def _places(
-    height: int, width: int, per_px: int, device: torch.device, dtype: torch.dtype
-) -> Tensor:
-    """(2, H, W) of every so many-th point of a grid, x and y from -1 to 1 between its borders: most
-    calls ask again."""
-    with torch.inference_mode(False):  # training may ask for them, too
-        y = torch.arange(0, height, per_px, device=device, dtype=dtype)
-        x = torch.arange(0, width, per_px, device=device, dtype=dtype)
-        across, down = (2 * x + 1) / width - 1, (2 * y + 1) / height - 1
-        return torch.stack(torch.meshgrid(across, down, indexing="xy"))

@@ -29,7 +29,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from epinet.model.channels_last import channels_first, pointwise
+from epinet.model.channels_last import channels_first, pointwise, to_one
 from epinet.model.matching import (
     ARMS,
     GATHERED,
@@ -167,7 +167,7 @@ class _Sweep(nn.Module):
             weight = weights[taps].transpose(0, 1).flatten(1, 2)
             own = costs[:, planes].flatten(1, 2)
             plane = pointwise([own], [weight], biases[taps].sum(0)).add_(shared)
-            scores.append(self.score(F.relu(self.body(plane), inplace=True)))
+            scores.append(to_one(self.score, F.relu(self.body(plane), inplace=True)))
         return torch.cat(scores, 1)
 
 
@@ -327,10 +327,9 @@ class SweepNet(nn.Module):
             disparity, _ = at_half(half, disparity, context)
             large = _enlarged_by(2 * disparity, shares)
             maps.append(_whole(large, levels))
-        gains = half.gains(disparity)
         disparity = large
         for level in reversed(range(levels + 1)):
-            views = Views(pyramid[level], gains)
+            views = Views(pyramid[level])
             context = enlarged(context)
             if level < levels:
                 disparity = _whole(disparity, 1)
@@ -363,7 +362,8 @@ def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
     """Mean disparity (B, 1, h, w) around the best hypothesis, and the probability of others."""
     probability = scores.float().softmax(1)
     index = torch.arange(len(hypotheses), device=scores.device).view(1, -1, 1, 1)
-    near = (index - probability.argmax(1, keepdim=True)).abs() <= 1
+    best = probability.max(1, keepdim=True).indices  # argmax takes six times as long
+    near = (index - best).abs() <= 1
     local = probability * near
     certain = local.sum(1, keepdim=True)
     local = local / certain

@@ -29,7 +29,7 @@ from torch import Tensor
 
 from epinet.angular import star_positions
 from epinet.lightfield import LightField
-from epinet.model.matching import sampled
+from epinet.shifts import sampled
 from epinet.squares import box_mean
 
 WITHIN_PX = 0.07

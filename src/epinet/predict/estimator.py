@@ -17,7 +17,14 @@ from torch.nn import functional as F
 from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
 from epinet.inspect.alignment import estimate_alignment
-from epinet.inspect.disparity_range import estimate_range
+from epinet.inspect.disparity_range import (
+    LONGER_SIDE_PX,
+    DisparityRange,
+    estimate_range,
+    range_match,
+)
+from epinet.inspect.gains import estimate_gains, even
+from epinet.inspect.sweep import star_of_stacks
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import (
     CALIBRATION,
@@ -186,14 +193,21 @@ class Estimator:
         if ensemble and streams != 4:
             raise InputError("the ensemble turns streams into each other and needs all four")
         stacks = torch.from_numpy(lf.stacks(lf.grid[0], streams))
-        seen = shrink(stacks, scale).to(self.device)
         if isinstance(net, Epinet):
+            seen = shrink(stacks, scale).to(self.device)
             if weights.sees_local_contrast:
                 seen = local_contrast(seen)
             begun = time.perf_counter()
             disparity = _by_epinet(net, seen, ensemble, memory_mb, progress)
             return _Map(disparity, None, None, begun)
-        low, high = range_px or search_range(lf)
+        star = star_of_stacks(stacks, LONGER_SIDE_PX)
+        match = range_match(star.exposed_alike())
+        seen = shrink(stacks, scale).to(self.device)
+        if match is not None:
+            even(seen, estimate_gains(star, match))
+            found = DisparityRange.of(star, match)
+            range_px = range_px or searched(found.min_px, found.max_px)
+        low, high = range_px or RANGES_PX["hci"]
         bounds = (low / scale, high / scale)
         begun = time.perf_counter()
         return _Map(*_by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress), bounds, begun)
@@ -259,9 +273,7 @@ def search_range(lf: LightField) -> tuple[float, float]:
     Where they show too little texture to tell, the benchmark's.
     """
     found = estimate_range(lf)
-    if found is None:
-        return RANGES_PX["hci"]
-    return searched(found.min_px, found.max_px)
+    return RANGES_PX["hci"] if found is None else searched(found.min_px, found.max_px)
 
 
 def _by_epinet(
