@@ -77,6 +77,13 @@ def test_views_exposed_alike_stay_as_they_are(noise: float, render: Renderer) ->
     assert torch.equal(stacks, given)
 
 
+def test_gains_are_as_exact_where_a_training_run_rounds(render: Renderer) -> None:
+    _, star, match = looked_at(disturbed(render(LAYERS, 5), drawn(5)))
+    with torch.autocast("cpu", torch.bfloat16):
+        rounded = estimate_gains(star, match)
+    assert torch.equal(rounded, estimate_gains(star, match))
+
+
 @pytest.mark.parametrize("size", [(96, 112), (250, 230)])
 def test_the_star_of_stacks_is_that_of_their_light_field(
     size: tuple[int, int], render: Renderer
