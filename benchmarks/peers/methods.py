@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import epinet
 from benchmarks.peers import plane_sweep, structure_tensor
+from epinet.inspect import estimate_range
 from epinet.lightfield import LightField
 from epinet.predict.estimator import search_range
 
@@ -35,4 +36,4 @@ def disparity_range(lf: LightField) -> tuple[float, float]:
     camera = lf.camera
     if camera and camera.disparity_min_px is not None and camera.disparity_max_px is not None:
         return camera.disparity_min_px, camera.disparity_max_px
-    return search_range(lf)
+    return search_range(estimate_range(lf))

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter
 import epinet
 from epinet.angular import SYMMETRIES, direction_positions
 from epinet.errors import InputError
+from epinet.inspect import estimate_range
 from epinet.lightfield import LightField
 from epinet.predict import tiling
 from epinet.predict.estimator import _by_sweepnet, search_range
@@ -74,11 +75,11 @@ def test_a_plane_lies_where_it_is_near_or_far(model, disparity, side):
 
 
 def test_the_search_covers_the_disparities_of_the_views(scene):
-    low, high = search_range(scene)
+    low, high = search_range(estimate_range(scene))
     assert low < np.percentile(scene.truth, 1) and high > np.percentile(scene.truth, 99)
     assert high - low < 8
     flat = LightField(np.full((9, 9, 64, 64, 1), 100, np.uint8))
-    assert search_range(flat) == RANGES_PX["hci"]
+    assert search_range(estimate_range(flat)) == RANGES_PX["hci"]
 
 
 @pytest.mark.parametrize("symmetry", (SYMMETRIES[1], SYMMETRIES[4]), ids=str)  # generators

@@ -78,7 +78,7 @@ def estimate_gains(star: Star, match: Match) -> Tensor:
             normal = (weights @ products).view(-1, 3, 3) + prior
             gains = torch.linalg.solve(normal, (weights * explained) @ bright.T)
     constant, right, lower = gains.square().mean(0)
-    mean_square = constant + (right + lower) / 3  # over the picture
+    mean_square: Tensor = constant + (right + lower) / 3  # over the picture
     return gains * (1 - UNTOLD**2 / mean_square.clamp_min(1e-12)).clamp_min(0)
 
 

@@ -20,7 +20,6 @@ from epinet.inspect.alignment import estimate_alignment
 from epinet.inspect.disparity_range import (
     LONGER_SIDE_PX,
     DisparityRange,
-    estimate_range,
     range_match,
 )
 from epinet.inspect.gains import estimate_gains, even
@@ -205,9 +204,8 @@ class Estimator:
         seen = shrink(stacks, scale).to(self.device)
         if match is not None:
             even(seen, estimate_gains(star, match))
-            found = DisparityRange.of(star, match)
-            range_px = range_px or searched(found.min_px, found.max_px)
-        low, high = range_px or RANGES_PX["hci"]
+        found = None if match is None else DisparityRange.of(star, match)
+        low, high = range_px or search_range(found)
         bounds = (low / scale, high / scale)
         begun = time.perf_counter()
         return _Map(*_by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress), bounds, begun)
@@ -267,12 +265,11 @@ class Estimator:
         raise InputError(problems)
 
 
-def search_range(lf: LightField) -> tuple[float, float]:
-    """Disparities to look for, in px: those that the views show.
+def search_range(found: DisparityRange | None) -> tuple[float, float]:
+    """Disparities to look for, in px, by those that the views show.
 
     Where they show too little texture to tell, the benchmark's.
     """
-    found = estimate_range(lf)
     return RANGES_PX["hci"] if found is None else searched(found.min_px, found.max_px)
 
 
