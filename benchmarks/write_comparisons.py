@@ -44,16 +44,16 @@ runs every method on every light field in a process of its own, with the same nu
   parabola (Hosni et al., PAMI 2013; its parameters).
 - **Keras EPINET**: the reference architecture in Keras (`{requirement}`, which the script
   installs into an environment of its own), with the weights of our `epinet_9x9` written into its
-  HDF5 layout. Its time is that of `model.predict` alone.
+  HDF5 layout. Its time is that of `model.predict` alone, its map that of the network.
 - **SweepNet** and **EPINET**: what `epinet predict` does, from views in memory to the map, with the
   search for the range of disparities (SweepNet) and the confidence.
 
 The structure tensor and the plane sweep are told the range of disparities that `parameters.cfg`
-states; SweepNet finds it itself, EPINET has none to be told. SweepNet and EPINET were trained
-on rendered scenes of our own generator, on none of these. SweepNet's parts and the slants of its
-training scenes were chosen with the path-traced set in view, which is of another renderer (`make
-pathtraced`, 256x256 px); on `antinous` nothing was tuned. Mirrors and panes are left out but in the
-scene `mirrors`."""
+states, and the maps of SweepNet and EPINET stay within it (`antinous` comes without). These two
+were trained on rendered scenes of our own generator, on none of these. SweepNet's parts and the
+slants of its training scenes were chosen with the path-traced set in view, which is of another
+renderer (`make pathtraced`, 256x256 px); on `antinous` nothing was tuned. Mirrors and panes are
+left out but in the scene `mirrors`."""
 
 TABLES = """## The paper's tables
 

@@ -33,7 +33,5 @@ def estimator(method: str) -> Callable[[LightField], NDArray[np.float32]]:
 
 def disparity_range(lf: LightField) -> tuple[float, float]:
     """What parameters.cfg states, as the benchmark gives it to everyone; else what views show."""
-    camera = lf.camera
-    if camera and camera.disparity_min_px is not None and camera.disparity_max_px is not None:
-        return camera.disparity_min_px, camera.disparity_max_px
-    return search_range(estimate_range(lf))
+    stated_px = lf.camera.disparity_range_px if lf.camera else None
+    return stated_px or search_range(estimate_range(lf))

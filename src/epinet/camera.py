@@ -39,6 +39,12 @@ class Camera:
     disparity_max_px: float | None = None
 
     @property
+    def disparity_range_px(self) -> tuple[float, float] | None:
+        """The stated bounds; None where one is missing or they bound nothing."""
+        low, high = self.disparity_min_px, self.disparity_max_px
+        return None if low is None or high is None or low >= high else (low, high)
+
+    @property
     def focal_px(self) -> float:
         """Focal length in pixels."""
         return self.focal_length_mm * max(self.width_px, self.height_px) / self.sensor_size_mm

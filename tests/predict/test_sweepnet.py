@@ -1,5 +1,7 @@
 """Prediction by SweepNet with the weights that are shipped."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -80,6 +82,27 @@ def test_the_search_covers_the_disparities_of_the_views(scene):
     assert high - low < 8
     flat = LightField(np.full((9, 9, 64, 64, 1), 100, np.uint8))
     assert search_range(estimate_range(flat)) == RANGES_PX["hci"]
+
+
+def test_the_map_stays_within_the_range_that_is_stated(model, scene):
+    """By the scene's file or the user; what lay beyond is known to be wrong."""
+    free = model.predict(replace(scene, camera=None))
+    camera = replace(scene.camera, disparity_min_px=-0.5, disparity_max_px=0.5)
+    for result in (
+        model.predict(replace(scene, camera=camera)),
+        model.predict(replace(scene, camera=None), range_px=(-0.5, 0.5)),
+    ):
+        assert np.abs(result.disparity).max() == pytest.approx(0.6)
+        assert any("beyond the stated -0.5..0.5 px" in w for w in result.warnings)
+        far = np.abs(scene.truth) > 1.2
+        assert np.median(result.confidence[far]) < 0.3
+    bounded = model.predict(replace(scene, camera=camera))
+    beyond = np.abs(free.disparity - free.disparity.clip(-0.6, 0.6))
+    np.testing.assert_allclose(bounded.disparity, free.disparity.clip(-0.6, 0.6), atol=1e-6)
+    np.testing.assert_allclose(
+        bounded.expected_error, free.expected_error + beyond, rtol=1e-4, atol=1e-6
+    )
+    assert not any("stated" in w for w in model.predict(scene).warnings)
 
 
 @pytest.mark.parametrize("symmetry", (SYMMETRIES[1], SYMMETRIES[4]), ids=str)  # generators

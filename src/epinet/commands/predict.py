@@ -43,7 +43,8 @@ def predict(
         str | None,
         typer.Option(
             "--range",
-            help="Disparities to look for, LOW,HIGH in px per view; default: what the views show.",
+            help="Disparities to look for, LOW,HIGH in px per view; default: what the views show. "
+            "The map stays within them, or those that the scene's parameters state.",
         ),
     ] = None,
     step: Annotated[int, typer.Option(min=1, help="Take every so many views of a large grid.")] = 1,

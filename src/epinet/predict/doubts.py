@@ -12,6 +12,8 @@ from epinet.lightfield import LightField
 from epinet.model.checkpoint import Weights
 
 LOW_CONFIDENCE = 0.5
+MANY = 0.02
+"""Share of the pixels that may lie beyond the stated range without a word."""
 FAR_OUT_PX = 0.5
 """Views that stand so far out of place, root mean square, may as well be in the wrong order."""
 
@@ -73,3 +75,20 @@ def doubts_about_map(
             "disparities within range? `epinet info` measures both"
         )
     return doubts
+
+
+def doubts_about_range(stated_px: tuple[float, float] | None, beyond: Floats) -> list[str]:
+    """Of the range that the scene's file or the user states.
+
+    Args:
+        stated_px: None where neither does.
+        beyond: (H, W) how far the estimate lay beyond it.
+    """
+    share = float((beyond > 0).mean())
+    if stated_px is None or share < MANY:
+        return []
+    low, high = stated_px
+    return [
+        f"{100 * share:.0f} % of the pixels lay beyond the stated {low:g}..{high:g} px and "
+        "were set to its bounds: mirrors do; if it is wrong, correct it or give --range"
+    ]

@@ -41,13 +41,15 @@ from epinet.predict.confidence import (
     Calibration,
     photo_consistency,
 )
-from epinet.predict.doubts import doubts_about_map, doubts_about_views
+from epinet.predict.doubts import doubts_about_map, doubts_about_range, doubts_about_views
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
 from epinet.refine import compensated, refined
 from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1536.0
+STATED_TO_PX = 0.1
+"""Ranges of disparities are stated to this."""
 
 Progress = Callable[[float], None]
 
@@ -116,6 +118,8 @@ class Estimator:
             refine: compensate misalignment and exposure of the views before, and take the weighted
                 median after (docs/refinement.md); None does so where a camera took the views.
             range_px: disparities that SweepNet looks for, in the map's unit; None measures them.
+                The map stays within them, or those that the light field's camera states: what
+                reflects shows others.
             memory_mb: bound on what the network holds at once, beside the views themselves.
             progress: called with the share of the work (0..1) done since the last call.
 
@@ -132,13 +136,16 @@ class Estimator:
             used = compensated(used, alignment)
         aligned = time.perf_counter()
         map_ = self._estimate(weights, used, ensemble, scale, range_px, memory_mb, progress)
-        disparity = enlarge(map_.disparity, scale, lf.size).cpu().numpy()
+        found = enlarge(map_.disparity, scale, lf.size).cpu().numpy()
         estimated = time.perf_counter()
+        stated_px = range_px or (used.camera.disparity_range_px if used.camera else None)
+        disparity = found if stated_px is None else _within(found, stated_px)
+        beyond = np.abs(found - disparity)
         expected = None
         if map_.error is None:
             confidence = photo_consistency(used, disparity)
         else:
-            expected = enlarge(map_.error, scale, lf.size).cpu().numpy()
+            expected = enlarge(map_.error, scale, lf.size).cpu().numpy() + beyond
             confidence = Calibration(**weights.metadata.get(CALIBRATION, {})).confidence(expected)
         judged = time.perf_counter()
         if refine:
@@ -159,6 +166,7 @@ class Estimator:
                 "memory_mb": memory_mb,
                 "device": str(self.device),
                 "range_px": known_px and [round(scale * bound, 2) for bound in known_px],
+                "stated_px": stated_px and list(stated_px),
             },
             weights={"file": weights.source} | weights.metadata,
             seconds={
@@ -172,8 +180,9 @@ class Estimator:
             warnings=(
                 *views_doubted,
                 *doubts_about_map(
-                    weights, disparity, confidence, map_.searched_px, scale, range_px is None
+                    weights, found, confidence, map_.searched_px, scale, range_px is None
                 ),
+                *doubts_about_range(stated_px, beyond),
             ),
         )
 
@@ -297,6 +306,11 @@ def _by_sweepnet(
 
     disparity, error = _averaged(run, stacks, ensemble, progress)
     return disparity, error
+
+
+def _within(disparity: NDArray[np.float32], stated_px: tuple[float, float]) -> NDArray[np.float32]:
+    low, high = stated_px
+    return disparity.clip(low - STATED_TO_PX, high + STATED_TO_PX)
 
 
 def _refined(

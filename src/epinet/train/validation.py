@@ -109,7 +109,8 @@ class Validation:
 
 
 def _reliable(lf: LightField) -> LightField:
-    return replace(lf, truth=lf.reliable_truth)
+    """Without a camera, which would state the range: captures come without one."""
+    return replace(lf, truth=lf.reliable_truth, camera=None)
 
 
 def _known(lf: LightField) -> float:
