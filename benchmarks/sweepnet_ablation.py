@@ -7,7 +7,8 @@ Every variant starts from the shipped weights with a part taken out, and learns 
 of their recipe in small patches: the same scenes in the same order, one thread in a process of its
 own, `--jobs` of them at once; those already in the report are kept. With nothing taken out as many
 steps are taken, too. Scores are means over small held-out scenes and over the path-traced set
-(`make pathtraced`). Longer training would win back more of what is lost.
+(`make pathtraced`), whose stated ranges are kept back. Longer training would win back more of what
+is lost.
 """
 
 from __future__ import annotations

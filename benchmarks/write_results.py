@@ -162,7 +162,8 @@ def ablation() -> Iterator[str]:
         f"`python -m benchmarks.sweepnet_ablation -o FILE` on {report['machine']}, one "
         "thread each: a part is taken out of the shipped weights, which learn for "
         f"{report['steps']} steps of their recipe in small patches to do without it, on the same "
-        "scenes in the same order; as long where nothing is taken out. Longer training would win "
+        "scenes in the same order; as long where nothing is taken out. Ranges that scenes state "
+        "are kept back, so maps are not bounded by them as above. Longer training would win "
         "back more of what is lost, and what training itself does differently shows but faintly "
         "in so few steps. What differs from nothing by no more than its two seeds is undecided."
     )

@@ -17,11 +17,7 @@ from torch.nn import functional as F
 from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
 from epinet.inspect.alignment import estimate_alignment
-from epinet.inspect.disparity_range import (
-    LONGER_SIDE_PX,
-    DisparityRange,
-    range_match,
-)
+from epinet.inspect.disparity_range import LONGER_SIDE_PX, DisparityRange, range_match
 from epinet.inspect.gains import estimate_gains, even
 from epinet.inspect.sweep import star_of_stacks
 from epinet.lightfield import LightField

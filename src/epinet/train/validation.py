@@ -109,7 +109,8 @@ class Validation:
 
 
 def _reliable(lf: LightField) -> LightField:
-    """Without a camera, which would state the range: captures come without one."""
+    """With no truth where the views show something else; and without the camera, which would state
+    the range of disparities, as captures come without one."""
     return replace(lf, truth=lf.reliable_truth, camera=None)
 
 
