@@ -319,7 +319,7 @@ def test_statistics_are_means_over_the_last_batches(tmp_path, run):
     means, variances = [], []
     for step in range(TINY.steps):
         stacks = trained.batches[0](step).stacks
-        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+        with torch.no_grad(), trained._autocast():
             features = before(stacks[:, 0]).float()
             means.append(features.mean((0, 2, 3)))
             variances.append(features.var((0, 2, 3)))
@@ -342,6 +342,23 @@ def test_fixed_norms_keep_their_statistics_and_what_is_trained_is_what_is_used(t
         trained = fixed.net(stacks)
         used = fixed.weights().net(stacks)
     torch.testing.assert_close(used, trained, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("native", [False, True])
+def test_a_cpu_without_bfloat16_computes_in_float32_and_says_so(
+    tmp_path, held_out, monkeypatch, native
+):
+    """What weights say of their recipe stays as it is, so that a run may go on elsewhere."""
+    monkeypatch.setattr("epinet.train.run.computes_bf16", lambda device: native)
+    scenes, said = Validation.of_folders([held_out], views=3), []
+    assert TINY.bf16
+    trained = Run(TINY, tmp_path / "run", validation=scenes, say=said.append)
+    assert len([s for s in said if "computing in float32" in s]) == (not native)
+    plain = TINY.model_copy(update={"bf16": False})
+    exact = Run(plain, tmp_path / "plain", validation=scenes, say=said.append)
+    batch = exact.batches[0](0)
+    assert torch.equal(trained._loss(batch), exact._loss(batch)) == (not native)
+    assert trained.metadata()["recipe"]["bf16"]
 
 
 @pytest.mark.parametrize("scale", [None, 0.2])

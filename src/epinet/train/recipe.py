@@ -160,7 +160,7 @@ class Recipe(_Model):
     """How much of the weights that it starts from is mixed into those that are validated and kept
     (Wortsman et al., CVPR 2022); SweepNet only."""
     bf16: bool = False
-    """Autocast to bfloat16."""
+    """Autocast to bfloat16, on devices that compute in it; others train in float32."""
     shards: Annotated[int, Field(ge=1)] = 1
     """Parts of a batch that are normalised by themselves; up to so many processes share a run."""
     seed: Annotated[int, Field(ge=0)] = 1

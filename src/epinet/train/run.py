@@ -47,6 +47,7 @@ from epinet.train.log import Log
 from epinet.train.losses import batch_loss
 from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
+from epinet.train.precision import computes_bf16
 from epinet.train.recipe import Recipe
 from epinet.train.start import as_epinet, begin, mixed_with_start
 from epinet.train.validation import (
@@ -113,6 +114,7 @@ class Run:
     ) -> None:
         self.recipe, self.folder, self.team, self.say = recipe, folder, team, say
         self.device = torch.device(device)
+        self.bf16 = recipe.bf16 and computes_bf16(self.device)
         if recipe.shards % team.size:
             raise InputError(
                 f"{team.size} processes cannot share the {recipe.shards} shards of the recipe: "
@@ -146,6 +148,8 @@ class Run:
         if resumed:
             self._resume()
         self._check_all_stand_at_this_step()
+        if recipe.bf16 and not self.bf16:
+            say(f"computing in float32: this {self.device.type} has no bfloat16 of its own")
         self._recent: dict[int, Tensor] = {}
 
     @property
@@ -340,7 +344,7 @@ class Run:
             return batch_loss(self.net, batch, self.recipe)
 
     def _autocast(self) -> torch.autocast:
-        return torch.autocast(self.device.type, torch.bfloat16, enabled=self.recipe.bf16)
+        return torch.autocast(self.device.type, torch.bfloat16, enabled=self.bf16)
 
     def _check_finite(self, what: str, value: Tensor) -> None:
         if value.isfinite():
@@ -353,7 +357,7 @@ class Run:
 
     def _validate(self, log: Log) -> None:
         weights = self.weights()
-        results = self.validation.predict(weights, self.device, bf16=self.recipe.bf16)
+        results = self.validation.predict(weights, self.device, bf16=self.bf16)
         scores = mean_scores(results)
         pictures = self.folder / "validation"
         save_pictures(pictures, results)
