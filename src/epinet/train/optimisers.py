@@ -11,6 +11,7 @@ from torch.optim import AdamW, Optimizer, RMSprop
 
 from epinet.model.epinet import ViewConv
 from epinet.train.parallel import ALONE, Team
+from epinet.train.precision import computes_bf16
 from epinet.train.recipe import Recipe
 
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
@@ -74,10 +75,11 @@ def orthogonalised(matrix: Tensor) -> Tensor:
         matrix: (M, N).
 
     Returns:
-        (M, N) of the same type; computed in bfloat16.
+        (M, N) of the same type; computed in bfloat16 where the device does so itself.
     """
     a, b, c = NEWTON_SCHULZ
-    x = matrix.bfloat16() if matrix.shape[0] <= matrix.shape[1] else matrix.bfloat16().T
+    x = matrix.bfloat16() if computes_bf16(matrix.device) else matrix.float()
+    x = x if matrix.shape[0] <= matrix.shape[1] else x.T
     x = x / (x.norm() + 1e-7)
     for _ in range(ITERATIONS):
         square = x @ x.T

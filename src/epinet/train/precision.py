@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import torch
 
 NATIVE = ("_is_avx512_bf16_supported", "_is_amx_tile_supported")
@@ -9,6 +11,7 @@ NATIVE = ("_is_avx512_bf16_supported", "_is_amx_tile_supported")
 times as long as in float32."""
 
 
+@cache
 def computes_bf16(device: torch.device) -> bool:
     """Whether a device multiplies in bfloat16 without emulating it."""
     if device.type == "cuda":
