@@ -1,4 +1,4 @@
-"""Laws of the augmentations: groups, undoing, and photo-consistency of what they make."""
+"""Laws of the augmentations: one by one as in batches, groups, undoing, photo-consistency."""
 
 import itertools
 from dataclasses import replace
@@ -17,23 +17,25 @@ from epinet.train.augment import (
     Flip,
     Gamma,
     GrayWeights,
-    Patch,
     Rotation,
     Scale,
     SignReversal,
     ViewShift,
-    gray,
 )
+from epinet.train.patches import Frames, LightFields, Patches, gray
 from epinet.train.sources import Needs
+from tests.train.one_patch import AUGMENTED, Patch
 
 NEEDS = Needs(views=3, shifted=True)
+STAR = list(Needs(views=3).offsets)
 SHIFTS = tuple(itertools.product((-1, 0, 1), repeat=2))
+SIDE = 56
 
 
-def scene(seed: int) -> Patch:
-    """All nine 3x3 stars inside 5x5 views of a scene in colour, and the truth of their centres."""
+def scenes(seed: int, count: int = 1) -> LightFields:
+    """All nine 3x3 stars inside 5x5 views of scenes in colour, and the truth of their centres."""
     options = Options(
-        size=(56, 56),
+        size=(SIDE, SIDE),
         views=5,
         disparity_px=(-2.0, 2.0),
         contrast=(0.5, 1.0),
@@ -44,78 +46,124 @@ def scene(seed: int) -> Patch:
         faults=Faults.none(),
         samples=9,
     )
-    made = pools(options, seed, count=1, offsets=NEEDS.offsets, truths=NEEDS.truths, gray=False)
+    made = pools(options, seed, count, offsets=NEEDS.offsets, truths=NEEDS.truths, gray=False)
     pool = next(made)
-    return Patch(pool.views[0], NEEDS.offsets, pool.disparity[0], pool.valid[0], NEEDS.truths)
+    return LightFields(pool.views, NEEDS.offsets, pool.disparity, pool.valid, NEEDS.truths)
 
 
 @pytest.fixture(scope="module")
-def patch() -> Patch:
-    return scene(9)
+def scene() -> LightFields:
+    return scenes(9)
 
 
-def same(a: Patch, b: Patch) -> bool:
-    """Equal, whatever the order of their views."""
+def whole(scene: LightFields) -> Frames:
+    """All of a scene, as it is."""
+    side = torch.tensor([scene.views.shape[-1]])
+    return Frames.upright(torch.zeros_like(side), side, torch.zeros(1, 2, dtype=torch.int64))
+
+
+def made(scene: LightFields, *steps) -> Patches:
+    """All of a scene, changed by augmentations, each with a choice."""
+    frames = whole(scene)
+    choices = [(a, torch.as_tensor(choice)[None]) for a, choice in steps]
+    for augmentation, choice in choices:
+        frames = frames if augmentation.photometric else augmentation.apply(frames, choice)
+    patches = scene.cut(frames, STAR)
+    for augmentation, choice in choices:
+        patches = augmentation.apply(patches, choice) if augmentation.photometric else patches
+    return patches
+
+
+def same(a: Patches, b: Patches) -> bool:
     return (
-        set(a.offsets) == set(b.offsets)
-        and set(a.truths) == set(b.truths)
-        and all(torch.equal(a.view(o), b.view(o)) for o in a.offsets)
-        and all(
-            torch.equal(a.disparity[a.truths.index(o)], b.disparity[b.truths.index(o)])
-            for o in a.truths
-        )
-        and all(
-            torch.equal(a.usable[a.truths.index(o)], b.usable[b.truths.index(o)]) for o in a.truths
-        )
+        torch.equal(a.views, b.views)
+        and torch.equal(a.disparity, b.disparity)
+        and torch.equal(a.usable, b.usable)
     )
 
 
-def turned(patch: Patch, quarters: int) -> Patch:
-    return Rotation().apply(patch, quarters)
+def test_a_batch_is_what_its_patches_are_one_by_one():
+    """Whatever combination of choices, places and scenes; scenes wider than high, half usable."""
+    many = scenes(12, count=3)
+    half = torch.rand(many.usable.shape, generator=generator(5)) < 0.5
+    many = LightFields(
+        *(many.views[..., :50, :], many.offsets, many.disparity[..., :50, :]),
+        *(half[..., :50, :], many.truths),
+    )
+    many = replace(many, **{f: getattr(many, f).contiguous() for f in ("views", "disparity")})
+    many = replace(many, usable=many.usable.contiguous())
+    g, count, seen = generator(4), 40, 11
+    augmentations = [a for name, a in AUGMENTATIONS.items() if name in AUGMENTED]
+    choices = {a.name: a.draw(g, count) for a in augmentations}
+    side = seen * choices["scale"]
+    scene = torch.randint(3, (count,), generator=g)
+    corner = torch.stack([torch.arange(count) % (50 - side), torch.arange(count) % 9], 1)
+    frames = Frames.upright(scene, side, corner)
+    for a in augmentations:
+        frames = frames if a.photometric else a.apply(frames, choices[a.name])
+    batch = many.cut(frames, STAR)
+    for a in augmentations:
+        batch = a.apply(batch, choices[a.name]) if a.photometric else batch
+    for k in range(count):
+        patch = Patch.of(many, int(scene[k]), *corner[k].tolist(), int(side[k]))
+        for a in augmentations:
+            patch = AUGMENTED[a.name](patch, choices[a.name][k])
+        disparity, usable = patch.truth()
+        torch.testing.assert_close(batch.views[k], patch.stacked(STAR), rtol=1e-6, atol=1e-6)
+        torch.testing.assert_close(batch.disparity[k], disparity)
+        assert torch.equal(batch.usable[k], usable)
 
 
-def flipped(patch: Patch) -> Patch:
-    return Flip().apply(patch, True)
+def test_a_window_is_a_part_of_the_square(scene):
+    frames = Rotation().apply(whole(scene), torch.tensor([1]))
+    outer, inner = scene.cut(frames, STAR), scene.cut(frames.window(5, 20), STAR)
+    assert torch.equal(inner.views, outer.views[..., 5:25, 5:25])
+    assert torch.equal(inner.disparity, outer.disparity[..., 5:25, 5:25])
 
 
-def test_rotations_and_flips_are_the_symmetries_of_the_square(patch):
-    assert same(turned(turned(turned(turned(patch, 1), 1), 1), 1), patch)
+def test_rotations_and_flips_are_the_symmetries_of_the_square(scene):
+    def turned(*quarters: int) -> Patches:
+        return made(scene, *((Rotation(), k) for k in quarters))
+
+    flip, turn = (Flip(), 1), (Rotation(), 1)
+    upright = made(scene)
+    assert same(turned(1, 1, 1, 1), upright)
     for a, b in itertools.product(range(4), repeat=2):
-        assert same(turned(turned(patch, a), b), turned(patch, (a + b) % 4))
-    assert same(flipped(flipped(patch)), patch)
-    assert same(flipped(turned(flipped(patch), 1)), turned(patch, 3))
-    assert not same(turned(patch, 1), patch)
-    assert not same(flipped(patch), patch)
+        assert same(turned(a, b), turned((a + b) % 4))
+    assert same(made(scene, flip, flip), upright)
+    assert same(made(scene, flip, turn, flip), turned(3))
+    assert not same(turned(1), upright)
+    assert not same(made(scene, flip), upright)
 
 
-def test_what_is_done_can_be_undone(patch):
-    assert same(SignReversal().apply(SignReversal().apply(patch, True), True), patch)
-    shift = ViewShift()
+def test_what_is_done_can_be_undone(scene):
+    upright = made(scene)
+    assert same(made(scene, (SignReversal(), 1), (SignReversal(), 1)), upright)
     for row, col in SHIFTS:
-        assert same(shift.apply(shift.apply(patch, (row, col)), (-row, -col)), patch)
+        assert same(made(scene, (ViewShift(), (row, col)), (ViewShift(), (-row, -col))), upright)
     for power in (0.8, 1.2):
-        back = Gamma().apply(Gamma().apply(patch, power), 1 / power)
-        assert torch.allclose(back.views, patch.views, atol=1e-5)
-    back = ColourScale().apply(ColourScale().apply(patch, 0.5), 2.0)
-    assert torch.allclose(back.views, patch.views)
+        back = made(scene, (Gamma(), power), (Gamma(), 1 / power))
+        assert torch.allclose(back.views, upright.views, atol=1e-5)
+    back = made(scene, (ColourScale(), 0.5), (ColourScale(), 2.0))
+    assert torch.allclose(back.views, upright.views)
 
 
-def test_scales_multiply_and_divide_the_disparity(patch):
-    assert same(Scale().apply(Scale().apply(patch, 2), 2), Scale().apply(patch, 4))
-    third = Scale().apply(patch, 3)
+def test_scales_multiply_and_divide_the_disparity(scene):
+    assert same(made(scene, (Scale(), 2), (Scale(), 2)), made(scene, (Scale(), 4)))
+    third = made(scene, (Scale(), 3))
     assert third.views.shape[-2:] == (19, 19)
-    assert torch.equal(third.disparity, patch.disparity[:, ::3, ::3] / 3)
+    assert torch.equal(third.disparity, made(scene).disparity[:, ::3, ::3] / 3)
 
 
-def consistent(patch: Patch, off_px: float = 0.0) -> float:
+def consistent(patches: Patches, off_px: float = 0.0) -> float:
     """Mean difference of all views of the 3x3 star to the centre, found along the truth."""
-    disparity = patch.truth()[0].numpy() + off_px
+    disparity = patches.disparity[0].numpy() + off_px
     height, width = disparity.shape
     y, x = np.mgrid[:height, :width].astype(float)
-    centre = gray(patch).view((0, 0))[0].numpy()
+    views = gray(patches).views[0, :, 0].numpy()
+    centre = views[STAR.index((0, 0))]
     differences = []
-    for row, col in Needs(views=3).offsets:
-        view = gray(patch).view((row, col))[0].numpy()
+    for (row, col), view in zip(STAR, views, strict=True):
         at_y, at_x = y - disparity * row, x - disparity * col
         inside = (at_y >= 0) & (at_y <= height - 1) & (at_x >= 0) & (at_x <= width - 1)
         seen = map_coordinates(view, [at_y, at_x], order=3, mode="nearest")
@@ -127,8 +175,8 @@ def consistent(patch: Patch, off_px: float = 0.0) -> float:
 CASES = [
     *((ViewShift(), shift) for shift in SHIFTS),
     *((Rotation(), quarters) for quarters in range(4)),
-    *((Flip(), choice) for choice in (False, True)),
-    *((SignReversal(), choice) for choice in (False, True)),
+    *((Flip(), choice) for choice in (0, 1)),
+    *((SignReversal(), choice) for choice in (0, 1)),
     (Scale(), 2),
     (GrayWeights(), torch.tensor([0.1, 0.2, 0.7])),
     (ColourScale(), 0.5),
@@ -142,32 +190,37 @@ CASES = [
 @pytest.mark.parametrize(
     ("augmentation", "choice"), CASES, ids=[f"{a.name}-{k}" for k, (a, _) in enumerate(CASES)]
 )
-def test_views_stay_consistent_with_their_truth(patch, augmentation, choice):
+def test_views_stay_consistent_with_their_truth(scene, augmentation, choice):
     """The wrong axis, order, sign or centre's truth would show: .3 px off is clearly worse."""
     if isinstance(augmentation, Scale):  # what every other pixel can hold
-        smooth = gaussian_filter(patch.views.numpy(), (0, 0, 2, 2))
-        patch = replace(patch, views=torch.from_numpy(smooth))
-    made = augmentation.apply(patch, choice)
-    right = consistent(made)
+        smooth = gaussian_filter(scene.views.numpy(), (0, 0, 0, 2, 2))
+        scene = replace(scene, views=torch.from_numpy(smooth))
+    patches = made(scene, (augmentation, choice))
+    right = consistent(patches)
     assert right < 0.025
-    assert right < 0.6 * min(consistent(made, 0.3), consistent(made, -0.3))
+    assert right < 0.6 * min(consistent(patches, 0.3), consistent(patches, -0.3))
 
 
 def test_a_wrong_centre_or_axis_is_not_consistent():
     """The bugs of the reference code that the law above must find."""
-    patch = scene(11)
-    swapped = patch.mapped(lambda image: image, lambda o: (o[1], o[0]))  # axes exchanged
-    assert consistent(swapped) > 1.5 * consistent(patch)
-    shifted = ViewShift().apply(patch, (1, 1))
-    wrong = Patch(shifted.views, shifted.offsets, patch.disparity, patch.usable, patch.truths)
+    scene = scenes(11)
+    upright, frames = made(scene), whole(scene)
+    swapped = scene.cut(replace(frames, grid=frames.grid.flip(1)), STAR)  # axes exchanged
+    assert consistent(swapped) > 1.5 * consistent(upright)
+    shifted = made(scene, (ViewShift(), (1, 1)))
+    wrong = replace(shifted, disparity=upright.disparity)
     assert consistent(wrong) > 1.1 * consistent(shifted)
 
 
-def test_a_shift_without_truth_is_refused(patch):
-    centre = Patch(patch.views, patch.offsets, patch.disparity[4:5], patch.usable[4:5], ((0, 0),))
-    with pytest.raises(ValueError, match="no truth"):
-        ViewShift().apply(centre, (0, 1))
-    assert ViewShift().apply(centre, (0, 0)).offsets == patch.offsets
+def test_a_shift_without_truth_is_refused(scene):
+    centre = replace(
+        scene, disparity=scene.disparity[:, 4:5], usable=scene.usable[:, 4:5], truths=((0, 0),)
+    )
+    with pytest.raises(ValueError, match=r"no truth of the view at \(0, 1\)"):
+        made(centre, (ViewShift(), (0, 1)))
+    assert same(made(centre, (ViewShift(), (0, 0))), made(scene))
+    with pytest.raises(ValueError, match=r"no view at \(3, 0\)"):
+        scene.cut(whole(scene), [(0, 0), (3, 0)])
 
 
 def test_a_shift_of_a_five_view_network_has_its_nine_grids():
@@ -181,17 +234,16 @@ def test_a_shift_of_a_five_view_network_has_its_nine_grids():
     assert len(needs.truths) == 9
 
 
-def test_gray_weights_are_one_mixture_for_all_views(patch):
-    weights = GrayWeights().draw(generator(1))
+def test_gray_weights_are_one_mixture_for_all_views(scene):
+    (weights,) = GrayWeights().draw(generator(1), 1)
     assert float(weights.sum()) == pytest.approx(1)
     assert float(weights.min()) > 0
-    mixed = GrayWeights().apply(patch, weights)
-    for offset in patch.offsets:
-        rgb = patch.view(offset).numpy()
+    colours, mixed = made(scene).views[0], made(scene, (GrayWeights(), weights)).views[0]
+    for rgb, view in zip(colours.numpy(), mixed.numpy(), strict=True):
         expected = sum(float(w) * channel for w, channel in zip(weights, rgb, strict=True))
-        assert np.allclose(mixed.view(offset)[0].numpy(), expected, atol=1e-6)
-    luma = gray(patch).view((0, 0))[0].numpy()
-    red, green, blue = patch.view((0, 0)).numpy()
+        assert np.allclose(view[0], expected, atol=1e-6)
+    luma = gray(made(scene)).views[0, :, 0].numpy()
+    red, green, blue = colours.movedim(1, 0).numpy()
     assert np.allclose(luma, 0.299 * red + 0.587 * green + 0.114 * blue, atol=1e-6)
 
 
@@ -200,13 +252,13 @@ def test_choices_are_those_of_the_paper():
     g = generator(2)
 
     def seen(augmentation) -> set:
-        return {augmentation.draw(g) for _ in range(300)}
+        return set(augmentation.draw(g, 300).tolist())
 
-    assert seen(ViewShift()) == set(SHIFTS)
+    assert set(map(tuple, ViewShift().draw(g, 300).tolist())) == set(SHIFTS)
     assert seen(Rotation()) == {0, 1, 2, 3}
-    assert seen(Flip()) == seen(SignReversal()) == {False, True}
+    assert seen(Flip()) == seen(SignReversal()) == {0, 1}
     assert seen(Scale((1, 1, 1, 1))) == {1, 2, 3, 4}
-    odds = [Scale((8, 6, 3)).draw(g) for _ in range(4000)]
+    odds = Scale((8, 6, 3)).draw(g, 4000)
     assert np.allclose(np.bincount(odds)[1:] / 4000, np.array([8, 6, 3]) / 17, atol=0.03)
     factors = sorted(seen(ColourScale()))
     assert 0.5 <= factors[0] < 0.55
@@ -216,32 +268,49 @@ def test_choices_are_those_of_the_paper():
     assert 1.18 < powers[-1] <= 1.2
 
 
-def test_photometric_augmentations_come_last_and_leave_the_truth_alone(patch):
+def test_photometric_augmentations_come_last_and_leave_the_truth_alone(scene):
     flags = [a.photometric for a in AUGMENTATIONS.values()]
     assert flags == sorted(flags)
+    upright = made(scene)
     for augmentation in AUGMENTATIONS.values():
-        made = augmentation.apply(patch, augmentation.draw(generator(3)))
         if augmentation.photometric:
-            assert torch.equal(made.disparity, patch.disparity)
-            assert made.offsets == patch.offsets
+            patches = made(scene, (augmentation, augmentation.draw(generator(3), 1)[0]))
+            assert torch.equal(patches.disparity, upright.disparity)
+            assert not torch.equal(patches.views, upright.views)
 
 
 def test_the_noise_that_a_patch_states_is_that_of_its_views():
     """Whatever changes of colour come before: on plain grey, against the spread of the pixels."""
     shape = (1, 256, 256)
-    plain = Patch(
-        torch.full((1, 3, 256, 256), 0.3),
-        ((0, 0),),
+    plain = Patches(
+        torch.full((1, 1, 3, 256, 256), 0.3),
         torch.zeros(shape),
         torch.ones(shape, dtype=torch.bool),
+        centre=0,
     )
     noisy = CameraFaults(replace(Faults.none(), noise=1.0, full=True))
     choices = {"gray_weights": torch.tensor([0.2, 0.5, 0.3]), "colour_scale": 2.0, "gamma": 0.8}
-    made = plain
+    patches = plain
     for augmentation in AUGMENTATIONS.values():
         if augmentation.name in choices:
-            made = augmentation.apply(made, choices[augmentation.name])
+            choice = torch.as_tensor(choices[augmentation.name])[None]
+            patches = augmentation.apply(patches, choice)
         elif augmentation.name == noisy.name:
-            made = noisy.apply(made, 7)
-    assert made.noise is not None and made.noise.mean() > 0.005
-    assert float(made.views.std()) == pytest.approx(float(made.noise.mean()), rel=0.05)
+            patches = noisy.apply(patches, torch.tensor([7]))
+    assert patches.noise is not None and patches.noise.mean() > 0.005
+    assert float(patches.views.std()) == pytest.approx(float(patches.noise.mean()), rel=0.05)
+
+
+def test_each_patch_of_a_batch_has_a_camera_of_its_own():
+    """Gain, noise and its place in the picture: patches of one grey come out all different."""
+    shape = (4, 40, 40)
+    gray_ = Patches(
+        torch.full((4, 9, 1, 40, 40), 0.4), torch.zeros(shape), torch.ones(shape).bool(), 4
+    )
+    faults = CameraFaults(replace(Faults.none(), vignetting=1.0, full=True))
+    views = faults.apply(gray_, faults.draw(generator(1), 4)).views
+    for a, b in itertools.combinations(range(4), 2):
+        slopes = [v[4, 0].diff(dim=-1).mean() for v in (views[a], views[b])]
+        assert (slopes[0] - slopes[1]).abs() > 1e-6
+    again = faults.apply(gray_, faults.draw(generator(1), 4)).views
+    assert torch.equal(views, again)

@@ -8,36 +8,59 @@ import torch
 
 from epinet.angular import CENTRAL_NINE, direction_positions
 from epinet.model.sweepnet import searched
-from epinet.train.augment import AUGMENTATIONS, Patch, ViewShift
-from epinet.train.batches import Batches, Cut, batches_of, textured
+from epinet.train.augment import AUGMENTATIONS, ViewShift
+from epinet.train.batches import TRIES, Batches, Cut, batches_of, textured
 from epinet.train.information import WINDOW_PX
+from epinet.train.patches import Frames, LightFields
 from epinet.train.recipe import Recipe
 from epinet.train.recipe_files import load_recipe
-from epinet.train.sources import STEPS_PER_POOL, Needs
+from epinet.train.sources import STEPS_PER_POOL, Mixed, Needs
 
 OURS = {"views": 3, "batch": 2, "patch_px": 4, "steps": 100}
 
 
 class Fixed:
-    """A source that gives the same pieces again and again, in turn."""
+    """A source that gives the same scenes again and again, in turn."""
 
-    def __init__(self, *patches: Patch) -> None:
-        self.patches, self.given = patches, 0
+    def __init__(self, *scenes: LightFields, noise: float | None = None) -> None:
+        views, disparity, usable = (
+            torch.cat([getattr(scene, name) for scene in scenes])
+            for name in ("views", "disparity", "usable")
+        )
+        self.scenes = replace(scenes[0], views=views, disparity=disparity, usable=usable)
+        self.noise, self.given = noise, 0
 
-    def patch(self, g, step, place, side_px):
-        self.given += 1
-        piece = self.patches[(self.given - 1) % len(self.patches)]
-        return piece.mapped(lambda image: image[..., :side_px, :side_px], lambda o: o)
+    def draw(self, g, step, side_px):
+        turn = torch.arange(self.given, self.given + len(side_px))
+        self.given += len(side_px)
+        corner = torch.zeros(len(side_px), 2, dtype=torch.int64)
+        return Frames.upright(turn % len(self.scenes.views), side_px, corner)
+
+    def cut(self, step, frames, offsets):
+        patches = self.scenes.cut(frames, offsets)
+        if self.noise is None:
+            return patches
+        return replace(patches, noise=torch.full_like(patches.disparity, self.noise))
 
 
-def made_of(views: int, image, usable=None) -> Patch:
-    """A patch whose views are all one image (H, W)."""
+def made_of(views: int, image, usable=None) -> LightFields:
+    """A scene whose views are all one image (H, W)."""
     offsets = Needs(views).offsets
     image = torch.as_tensor(image, dtype=torch.float32)
     usable = torch.ones_like(image, dtype=torch.bool) if usable is None else usable
-    return Patch(
-        image.expand(len(offsets), 1, -1, -1), offsets, torch.zeros_like(image)[None], usable[None]
+    return LightFields(
+        image.expand(1, len(offsets), 1, -1, -1).contiguous(),
+        offsets,
+        torch.zeros_like(image)[None, None],
+        usable[None, None],
     )
+
+
+def numbered(needs: Needs, side: int = 24) -> LightFields:
+    """A scene whose views are each of one value: their number."""
+    views = torch.arange(len(needs.offsets)).view(1, -1, 1, 1, 1).repeat(1, 1, 1, side, side)
+    truths = torch.arange(float(len(needs.truths))).view(1, -1, 1, 1).repeat(1, 1, side, side)
+    return LightFields(views.float(), needs.offsets, truths, truths >= 0, needs.truths)
 
 
 def plain(**changes) -> Cut:
@@ -56,10 +79,9 @@ def plain(**changes) -> Cut:
 @pytest.mark.parametrize("streams", [1, 2, 4])
 def test_stacks_hold_each_view_where_the_network_expects_it(streams):
     offsets = Needs(5).offsets
-    views = torch.arange(len(offsets)).view(-1, 1, 1, 1).expand(-1, 1, 24, 24).float()
-    patch = Patch(views, offsets, torch.zeros(1, 24, 24), torch.ones(1, 24, 24, dtype=torch.bool))
+    patch = numbered(Needs(5))
     cut = plain(views=5, streams=streams, patch_px=2, least_weight=1.0)
-    stacks = Batches(cut, [(Fixed(patch), 1.0)], [], seed=1)(0).stacks[0, :, :, 0, 0]
+    stacks = Batches(cut, Fixed(patch), [], seed=1)(0).stacks[0, :, :, 0, 0]
     directions = {1: (0,), 2: (0, 90), 4: (90, 0, 45, -45)}[streams]
     for stack, direction in zip(stacks, directions, strict=True):
         expected = [offsets.index((r - 2, c - 2)) for r, c in direction_positions(direction, 5)]
@@ -71,16 +93,14 @@ def test_stacks_hold_each_view_where_the_network_expects_it(streams):
 def test_shifted_stacks_are_those_about_the_shifted_centre(views, shift):
     """The reference code shifts two of the four stacks along the wrong axis."""
     needs = Needs(views, shifted=True)
-    views_of = torch.arange(len(needs.offsets)).view(-1, 1, 1, 1).expand(-1, 1, 24, 24).float()
-    truths = torch.arange(9.0).view(-1, 1, 1).expand(-1, 24, 24)
-    patch = Patch(views_of, needs.offsets, truths, truths >= 0, needs.truths)
+    patch = numbered(needs)
 
     class Chosen(ViewShift):
-        def draw(self, g):
-            return shift
+        def draw(self, g, count):
+            return torch.tensor([shift] * count)
 
     cut = plain(views=views, patch_px=2, least_weight=1.0)
-    batch = Batches(cut, [(Fixed(patch), 1.0)], [Chosen()], seed=1)(0)
+    batch = Batches(cut, Fixed(patch), [Chosen()], seed=1)(0)
     half = views // 2
     for stack, direction in zip(batch.stacks[0, :, :, 0, 0], (90, 0, 45, -45), strict=True):
         expected = [
@@ -96,7 +116,7 @@ def test_grids_that_halve_to_an_odd_number_are_shown_whole(views):
     """Every second view of three on each side would leave out the outermost."""
     patch = made_of(views, torch.rand(24, 24))
     cut = plain(views=views, patch_px=2, least_weight=1.0, fewer_views=1.0)
-    batches = Batches(cut, [(Fixed(patch), 1.0)], [], seed=1)
+    batches = Batches(cut, Fixed(patch), [], seed=1)
     assert {batches(step).every for step in range(4)} == {1}
 
 
@@ -164,6 +184,26 @@ def test_textureless_patches_and_any_that_touch_a_mirror_are_rejected():
     assert batch.weight.item() == 1
 
 
+def test_places_that_find_nothing_take_what_others_found():
+    """So that no textureless patch enters the norms' statistics; alone, all count nothing."""
+    rough = torch.rand(23, 23, generator=torch.Generator().manual_seed(1))
+    flat = made_of(3, torch.full((23, 23), 0.5))
+    batch = 4
+    tried = 2 + (batch - 2) * (TRIES + 1)  # two are found at once, the others never
+    found = [made_of(3, rough), made_of(3, rough.T)]
+    source = Fixed(*found, *[flat] * tried)
+    made = Batches(plain(batch=batch), source, [], seed=1)(0)
+    stacks, weight = made.stacks, made.weight
+    assert source.given == batch + (batch - 2) * (TRIES - 1)
+    assert torch.equal(stacks[0, 0, 0], rough)
+    assert torch.equal(stacks[1, 0, 0], rough.T)
+    for stack in stacks[2:, 0, 0]:
+        assert torch.equal(stack, rough) or torch.equal(stack, rough.T)
+    assert (weight == 1).all()
+    nothing = Batches(plain(batch=batch), Fixed(flat), [], seed=1)(0)
+    assert (nothing.weight == 0).all()
+
+
 def test_our_recipe_keeps_every_patch_and_weighs_its_pixels():
     rough = torch.rand(60, 60, generator=torch.Generator().manual_seed(1))
     image = torch.where(torch.arange(60) < 30, torch.full((60, 60), 0.5), rough)
@@ -181,10 +221,9 @@ def test_our_recipe_keeps_every_patch_and_weighs_its_pixels():
 
 def test_noise_makes_pixels_count_less():
     faint = 0.5 + 0.03 * torch.rand(60, 60, generator=torch.Generator().manual_seed(1))
-    clean, patch = made_of(9, faint), made_of(9, faint)
-    noisy = replace(patch, noise=torch.full((60, 60), 0.05))
+    sources = [Fixed(made_of(9, faint)), Fixed(made_of(9, faint), noise=0.05)]
     cut = plain(views=9, patch_px=30, least_weight=0.1)
-    weights = [Batches(cut, [(Fixed(p), 1.0)], [], seed=1)(0).weight.mean() for p in (clean, noisy)]
+    weights = [Batches(cut, source, [], seed=1)(0).weight.mean() for source in sources]
     assert weights[0] > 0.9
     assert weights[1] == pytest.approx(0.1, abs=0.02)
 
@@ -192,7 +231,7 @@ def test_noise_makes_pixels_count_less():
 def test_sources_give_their_shares():
     dark, light = Fixed(made_of(3, torch.zeros(23, 23))), Fixed(made_of(3, torch.ones(23, 23)))
     cut = plain(batch=400, least_weight=1.0)
-    stacks = Batches(cut, [(dark, 1.0), (light, 3.0)], [], seed=1)(0).stacks
+    stacks = Batches(cut, Mixed([(dark, 1.0), (light, 3.0)]), [], seed=1)(0).stacks
     assert 0.7 < float(stacks[:, 0, 0, 0, 0].mean()) < 0.8
 
 
@@ -202,9 +241,9 @@ def test_every_augmentation_of_a_recipe_reaches_its_batches(monkeypatch):
     for augmentation in AUGMENTATIONS.values():
         kind = type(augmentation)
 
-        def note(self, patch, choice, kind=kind, apply=kind.apply):
+        def note(self, patches, choices, kind=kind, apply=kind.apply):
             applied.add(kind.name)
-            return apply(self, patch, choice)
+            return apply(self, patches, choices)
 
         monkeypatch.setattr(kind, "apply", note)
     batches_of(recipe, [0])[0](0)
@@ -222,13 +261,10 @@ def test_the_largest_scale_fits_what_is_rendered():
 
 
 def test_batches_of_fewer_views_keep_the_outermost_and_the_truth_per_view():
-    offsets = Needs(9).offsets
-    views = torch.arange(len(offsets)).view(-1, 1, 1, 1).expand(-1, 1, 24, 24).float()
-    truth = torch.full((1, 24, 24), 0.5)
-    patch = Patch(views, offsets, truth, torch.ones(1, 24, 24, dtype=torch.bool))
+    patch = replace(numbered(Needs(9)), disparity=torch.full((1, 1, 24, 24), 0.5))
     cut = plain(views=9, patch_px=2, least_weight=1.0, fewer_views=1.0)
-    batches = Batches(cut, [(Fixed(patch), 1.0)], [], seed=1)
-    whole = Batches(replace(cut, fewer_views=0.0), [(Fixed(patch), 1.0)], [], seed=1)(0)
+    batches = Batches(cut, Fixed(patch), [], seed=1)
+    whole = Batches(replace(cut, fewer_views=0.0), Fixed(patch), [], seed=1)(0)
     assert whole.every == 1
     seen = set()
     for step in range(20):
@@ -246,9 +282,9 @@ def test_the_range_to_search_is_that_of_all_known_disparities():
     image, truth = torch.rand(24, 24), torch.ones(2, 24, 24)
     truth[0, 0, 0], truth[1, 23, 5], truth[1, 12, 12] = -2.5, 1.5, torch.nan
     usable = torch.zeros(24, 24, dtype=torch.bool)
-    patches = [replace(made_of(3, image, usable), disparity=t[None]) for t in truth]
+    patches = [replace(made_of(3, image, usable), disparity=t[None, None]) for t in truth]
     cut = plain(batch=2, patch_px=2, least_weight=1.0)
-    batch = Batches(cut, [(Fixed(*patches), 1.0)], [], seed=1)(0)
+    batch = Batches(cut, Fixed(*patches), [], seed=1)(0)
     assert batch.range_px == searched(-2.5, 1.5)
     assert batch.disparity[1].flatten().tolist().count(0) == 1
 
@@ -260,7 +296,7 @@ def test_what_views_always_differ_by_makes_faint_texture_count_less():
     weights = [
         Batches(
             plain(patch_px=4, least_weight=0.01),
-            [(Fixed(made_of(3, 0.5 + c * texture)), 1.0)],
+            Fixed(made_of(3, 0.5 + c * texture)),
             [],
             1,
         )(0).weight.mean()
@@ -281,11 +317,11 @@ def test_large_batches_come_in_turn_and_see_as_many_pixels():
 
 
 def test_mirrors_count_as_the_recipe_says():
-    usable = torch.ones(1, 32, 32, dtype=torch.bool)
-    usable[:, :, 16:] = False
-    patch = replace(made_of(3, torch.rand(32, 32)), usable=usable)
+    usable = torch.ones(32, 32, dtype=torch.bool)
+    usable[:, 16:] = False
+    patch = made_of(3, torch.rand(32, 32), usable)
     for mirror_weight in (0.0, 0.3):
         cut = plain(patch_px=10, least_weight=1.0, mirror_weight=mirror_weight)
-        (weight,) = Batches(cut, [(Fixed(patch), 1.0)], [], 1)(0).weight
+        (weight,) = Batches(cut, Fixed(patch), [], 1)(0).weight
         assert set(weight[..., :5].unique().tolist()) == {1.0}
         assert weight[..., 5:].unique().tolist() == pytest.approx([mirror_weight])

@@ -14,7 +14,13 @@ from epinet.synth.dataset import write_dataset
 from epinet.synth.generator import draw_scene, generator
 from epinet.synth.options import Options
 from epinet.synth.render import truth
-from epinet.train.sources import SLOTS, STEPS_PER_POOL, Folders, Needs, Rendered
+from epinet.train.sources import SLOTS, STEPS_PER_POOL, Folders, Mixed, Needs, Rendered
+
+
+def one(source, g, side: int = 24, step: int = 0):
+    """One upright square from a source, as a batch of one."""
+    return source.cut(step, source.draw(g, step, torch.tensor([side])), source.needs.offsets)
+
 
 OPTIONS = Options(size=(40, 48), views=5, samples=1, surfaces=(3, 5))
 
@@ -27,9 +33,9 @@ def scenes(tmp_path_factory):
 
 def test_a_piece_is_a_square_of_the_files(scenes):
     source = Folders(scenes[:1], Needs(views=5), side_px=24)
-    piece = source.patch(generator(1), 0, 0, 24)
+    piece = one(source, generator(1))
     lf = read_light_field(scenes[0])
-    disparity, usable = piece.truth()
+    disparity, usable = piece.disparity[0], piece.usable[0]
     corners = [
         (y, x)
         for y in range(40 - 24 + 1)
@@ -37,23 +43,50 @@ def test_a_piece_is_a_square_of_the_files(scenes):
         if np.array_equal(lf.truth[y : y + 24, x : x + 24], disparity.numpy())
     ]
     ((y, x),) = corners
-    for row, col in Needs(views=5).offsets:
+    for k, (row, col) in enumerate(Needs(views=5).offsets):
         expected = lf.rgb(2 + row, 2 + col)[y : y + 24, x : x + 24].transpose(2, 0, 1)
-        assert np.allclose(piece.view((row, col)).numpy(), expected)
+        assert np.allclose(piece.views[0, k].numpy(), expected)
     mask = lf.masks["invalid"][y : y + 24, x : x + 24]
     assert np.array_equal(usable.numpy(), ~mask)
-    assert (
-        len({tuple(source.patch(generator(k), 0, 0, 24).views[0, 0, 0, :3]) for k in range(9)}) > 3
-    )
+    assert len({tuple(one(source, generator(k)).views[0, 0, 0, 0, :3]) for k in range(9)}) > 3
+
+
+def test_squares_of_several_scenes_and_sources_come_in_their_order(scenes):
+    """Cut together and one by one, from folders of different sizes and from rendered scenes."""
+    needs = Needs(views=3)
+    both = Folders(scenes, needs, side_px=24)
+    whole = both.scenes[1]
+    trimmed = {n: getattr(whole, n)[..., 3:].contiguous() for n in ("views", "disparity", "usable")}
+    both.scenes[1] = replace(whole, **trimmed)
+    both._sizes[1, 1] -= 3
+    options = Options(samples=1, surfaces=(1, 2))
+    rendered = Rendered([(options, 1.0)], needs, seed=1, count=2, side_px=24)
+    mixed = Mixed([(both, 2.0), (rendered, 1.0)])
+    frames = mixed.draw(generator(3), 0, torch.full((12,), 24))
+    assert set(zip(frames.source.tolist(), frames.scene.tolist(), strict=True)) == {
+        (0, 0),
+        (0, 1),
+        (1, 0),
+        (1, 1),
+    }
+    together = mixed.cut(0, frames, needs.offsets)
+    assert together.views.shape == (12, 9, 3, 24, 24)
+    for k in range(12):
+        alone = mixed.cut(0, frames[torch.tensor([k])], needs.offsets)
+        assert torch.equal(together.views[k], alone.views[0].expand(-1, 3, -1, -1))
+        assert torch.equal(together.disparity[k], alone.disparity[0])
+        assert torch.equal(together.usable[k], alone.usable[0])
 
 
 def test_truths_of_the_nine_central_views_come_from_their_files(scenes):
     """Against the renderer's truth of each view."""
     needs = Needs(views=3, shifted=True)
-    piece = Folders(scenes[1:], needs, side_px=40).patch(generator(1), 0, 0, 40)
+    source = Folders(scenes[1:], needs, side_px=40)
+    frames = source.draw(generator(1), 0, torch.tensor([40]))
+    shifted = [replace(frames, middle=torch.tensor([truth])) for truth in needs.truths]
+    found = torch.cat([source.cut(0, f, [(0, 0)]).disparity for f in shifted])
     drawn, _ = draw_scene(OPTIONS, 3, 1)
     expected, _ = truth(drawn, needs.truths)
-    found = piece.disparity
     offset = next(
         x for x in range(9) if torch.allclose(expected[0, ..., x : x + 40], found, atol=1e-5)
     )
@@ -100,7 +133,7 @@ def test_rendered_pools_serve_several_steps_and_never_change_together():
         return Rendered([(options, 1.0)], needs, seed=1, count=1, side_px=16, reach=reach)
 
     def scene(rendered: Rendered, step: int) -> float:
-        rendered.patch(generator(0), step, 0, 16)
+        one(rendered, generator(0), 16, step)
         return float(rendered._slots[step % SLOTS][1].disparity.double().sum())
 
     walked = source()
@@ -125,9 +158,19 @@ def test_each_pool_is_of_one_kind_and_kinds_come_by_their_shares():
 
     rendered, signs = source(), []
     for step in range(2 * SLOTS * STEPS_PER_POOL):
-        both = [rendered.patch(generator(0), step, n, 16).disparity > 0 for n in range(2)]
-        assert all(b.all() for b in both) or not any(b.any() for b in both)
-        signs.append(bool(both[0].all()))
+        frames = rendered.draw(generator(0), step, torch.tensor([16, 16]))
+        both = rendered.cut(step, frames, [(0, 0)]).disparity > 0
+        assert both.all() or not both.any()
+        signs.append(bool(both.all()))
     assert 0.4 < sum(signs) / len(signs) < 0.95
     jumped = source()  # a resumed run sees the same kinds
-    assert bool((jumped.patch(generator(0), step, 0, 16).disparity > 0).all()) == signs[-1]
+    assert bool((one(jumped, generator(0), 16, step).disparity > 0).all()) == signs[-1]
+
+
+def test_a_place_of_the_batch_sees_every_scene_of_a_pool_and_a_batch_each_once():
+    needs = Needs(views=3)
+    source = Rendered([(Options(), 1.0)], needs, seed=1, count=4, side_px=16)
+    drawn = [source.draw(generator(k), 0, torch.full((4,), 16)).scene.tolist() for k in range(60)]
+    assert all(sorted(scenes) == [0, 1, 2, 3] for scenes in drawn)
+    for place in zip(*drawn, strict=True):
+        assert set(place) == {0, 1, 2, 3}

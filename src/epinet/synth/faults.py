@@ -108,8 +108,8 @@ def photographed(
     noise = NOISE * faults.noise * _share(g, faults, 7, *one)
     read = dice.uniform(0.1, 0.7, *one)
     key = int(torch.randint(2**31, (), generator=g))
-    y, x = (_across(length, picture_px, dice).to(device) for length in (height, width))
-    radius = (x + sway.to(device)) ** 2 + y[:, None] ** 2
+    y, x = (_across(b, length, picture_px, dice).to(device) for length in (height, width))
+    radius = (x.view(b, 1, 1, 1, -1) + sway.to(device)) ** 2 + y.view(b, 1, 1, -1, 1) ** 2
     seen = views * gain.to(device) * (1 - darker.to(device) * radius).clamp_min(0)
     seen = seen.clamp(0, 1) ** gamma.to(device)
     # Shot noise grows with the light, read noise does not.
@@ -125,11 +125,13 @@ def photographed(
     return Photos(seen, deviation)
 
 
-def _across(length: int, picture_px: int | None, dice: Dice) -> Tensor:
-    """Places of a window's pixels in a picture from -1 to 1."""
+def _across(count: int, length: int, picture_px: int | None, dice: Dice) -> Tensor:
+    """(B, length) places of each window's pixels in a picture from -1 to 1."""
     whole = torch.linspace(-1, 1, max(length, picture_px or length))
-    first = int(dice.integers(0, len(whole) - length, 1)) if len(whole) > length else 0
-    return whole[first : first + length]
+    if len(whole) == length:
+        return whole.expand(count, -1)
+    first = dice.integers(0, len(whole) - length, count)
+    return whole[first[:, None] + torch.arange(length)]
 
 
 def hashed_normal(shape: torch.Size, key: int, device: torch.device | str) -> Tensor:

@@ -1,13 +1,14 @@
 """The paper's augmentations (section 3.3), each a small object that keeps views and truth together.
 
-An augmentation draws one of its choices from a generator, and applies a choice to a `Patch`. The
-two are apart so that a patch is cut no larger than its choices need, and so that laws can be
-tested choice by choice.
+An augmentation draws choices from a generator, one for each patch of a batch, and applies them.
+The geometric ones say how squares lie in scenes, before they are cut; the photometric ones change
+samples. Drawing and applying are apart so that a patch is cut no larger than its choices need, and
+so that laws can be tested choice by choice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Protocol
@@ -15,94 +16,45 @@ from typing import Any, ClassVar, Protocol
 import torch
 from torch import Generator, Tensor
 
-from epinet.angular import Symmetry
-from epinet.lightfield import LUMA
+from epinet.angular import SYMMETRIES, Symmetry
 from epinet.synth.draw import WORLD_PX
 from epinet.synth.faults import photographed
+from epinet.synth.generator import generator
 from epinet.synth.options import Faults
-
-Offset = tuple[int, int]
-"""(row, column) of a view counted from the centre view."""
-
-
-@dataclass(frozen=True)
-class Patch:
-    """A square piece of a light field, and the truth of some of its views."""
-
-    views: Tensor
-    """(P, C, H, W) in 0..1; C is 3 (RGB) or 1 (gray)."""
-    offsets: tuple[Offset, ...]
-    """Which views these P are."""
-    disparity: Tensor
-    """(T, H, W) px per adjacent view; NaN where unknown."""
-    usable: Tensor
-    """(T, H, W) bool: the truth is known, and can be told from the views: no mirror, no glass."""
-    truths: tuple[Offset, ...] = ((0, 0),)
-    """Of which views the T truths are."""
-    noise: Tensor | None = None
-    """(H, W) standard deviation of the centre view's noise, where it is known."""
-
-    def view(self, offset: Offset) -> Tensor:
-        """One view (C, H, W)."""
-        return self.views[self.offsets.index(offset)]
-
-    def truth(self) -> tuple[Tensor, Tensor]:
-        """Disparity and usable pixels (H, W) of the centre view."""
-        k = self.truths.index((0, 0))
-        return self.disparity[k], self.usable[k]
-
-    def mapped(
-        self, image: Callable[[Tensor], Tensor], offset: Callable[[Offset], Offset]
-    ) -> Patch:
-        """All images and the offsets of all views changed, disparities keeping their values."""
-        return Patch(
-            image(self.views),
-            tuple(offset(o) for o in self.offsets),
-            image(self.disparity),
-            image(self.usable),
-            tuple(offset(o) for o in self.truths),
-            None if self.noise is None else image(self.noise),
-        )
+from epinet.train.patches import Frames, Patches, gray, moved
 
 
 class Augmentation(Protocol):
-    """A change of a light field together with its truth."""
+    """A change of light fields together with their truth."""
 
     name: ClassVar[str]
     photometric: ClassVar[bool]
-    """Whether it changes samples alone: then it comes after all that do not."""
+    """Whether it changes samples alone, of `Patches`; otherwise it changes `Frames`."""
 
-    def draw(self, g: Generator) -> Any:
-        """One of its choices, at random."""
+    def draw(self, g: Generator, count: int) -> Tensor:
+        """(count, ...) of its choices, at random."""
 
-    def apply(self, patch: Patch, choice: Any) -> Patch:
-        """The patch, changed by a choice."""
+    def apply(self, patches: Any, choices: Tensor) -> Any:
+        """Frames or patches, each changed by its choice."""
 
 
 @dataclass(frozen=True)
 class ViewShift:
     """The nine grids that have two views less in each direction (figure 4).
 
-    Each is a light field of its own, whose truth is that of its own centre view.
+    Each is a light field of its own, whose truth is that of its own centre view. A choice is the
+    offset of that view.
     """
 
     name: ClassVar[str] = "view_shift"
     photometric: ClassVar[bool] = False
 
-    def draw(self, g: Generator) -> Offset:
-        row, col = torch.randint(-1, 2, (2,), generator=g).tolist()
-        return row, col
+    def draw(self, g: Generator, count: int) -> Tensor:
+        return torch.randint(-1, 2, (count, 2), generator=g)
 
-    def apply(self, patch: Patch, choice: Offset) -> Patch:
-        """The grid around the view at `choice`.
-
-        Raises:
-            ValueError: the patch has no truth there.
-        """
-        if choice not in patch.truths:
-            raise ValueError(f"no truth of the view at {choice} from the centre")
-        row, col = choice
-        return patch.mapped(lambda image: image, lambda o: (o[0] - row, o[1] - col))
+    def apply(self, patches: Frames, choices: Tensor) -> Frames:
+        middle = patches.middle + (choices[:, None] @ patches.grid)[:, 0]
+        return replace(patches, middle=middle)
 
 
 @dataclass(frozen=True)
@@ -112,11 +64,11 @@ class Rotation:
     name: ClassVar[str] = "rotation"
     photometric: ClassVar[bool] = False
 
-    def draw(self, g: Generator) -> int:
-        return int(torch.randint(4, (), generator=g))
+    def draw(self, g: Generator, count: int) -> Tensor:
+        return torch.randint(4, (count,), generator=g)
 
-    def apply(self, patch: Patch, choice: int) -> Patch:
-        return _turned(patch, Symmetry(choice))
+    def apply(self, patches: Frames, choices: Tensor) -> Frames:
+        return patches.turned(_numbers_of([Symmetry(k) for k in range(4)])[choices])
 
 
 @dataclass(frozen=True)
@@ -126,15 +78,15 @@ class Flip:
     name: ClassVar[str] = "flip"
     photometric: ClassVar[bool] = False
 
-    def draw(self, g: Generator) -> bool:
-        return bool(torch.randint(2, (), generator=g))
+    def draw(self, g: Generator, count: int) -> Tensor:
+        return torch.randint(2, (count,), generator=g)
 
-    def apply(self, patch: Patch, choice: bool) -> Patch:
-        return _turned(patch, Symmetry(0, choice))
+    def apply(self, patches: Frames, choices: Tensor) -> Frames:
+        return patches.turned(_numbers_of([Symmetry(0), Symmetry(0, True)])[choices])
 
 
-def _turned(patch: Patch, symmetry: Symmetry) -> Patch:
-    return patch.mapped(symmetry.apply, symmetry.offset)
+def _numbers_of(symmetries: list[Symmetry]) -> Tensor:
+    return torch.tensor([SYMMETRIES.index(s) for s in symmetries])
 
 
 @dataclass(frozen=True)
@@ -148,14 +100,13 @@ class SignReversal:
     name: ClassVar[str] = "sign_reversal"
     photometric: ClassVar[bool] = False
 
-    def draw(self, g: Generator) -> bool:
-        return bool(torch.randint(2, (), generator=g))
+    def draw(self, g: Generator, count: int) -> Tensor:
+        return torch.randint(2, (count,), generator=g)
 
-    def apply(self, patch: Patch, choice: bool) -> Patch:
-        if not choice:
-            return patch
-        reversed_ = patch.mapped(lambda image: image, lambda o: (-o[0], -o[1]))
-        return replace(reversed_, disparity=-patch.disparity)
+    def apply(self, patches: Frames, choices: Tensor) -> Frames:
+        sign = 1 - 2 * choices
+        grid = sign[:, None, None] * patches.grid
+        return replace(patches, grid=grid, divisor=sign * patches.divisor)
 
 
 @dataclass(frozen=True)
@@ -167,13 +118,17 @@ class Scale:
     weights: tuple[int, ...] = (8, 6, 3)
     """How often N is 1, 2, 3, ... relative to each other (the reference code's)."""
 
-    def draw(self, g: Generator) -> int:
+    def draw(self, g: Generator, count: int) -> Tensor:
         weights = torch.tensor(self.weights, dtype=torch.float)
-        return 1 + int(torch.multinomial(weights, 1, generator=g))
+        return 1 + torch.multinomial(weights, count, replacement=True, generator=g)
 
-    def apply(self, patch: Patch, choice: int) -> Patch:
-        scaled = patch.mapped(lambda image: image[..., ::choice, ::choice], lambda o: o)
-        return replace(scaled, disparity=scaled.disparity / choice)
+    def apply(self, patches: Frames, choices: Tensor) -> Frames:
+        return replace(
+            patches,
+            side=-(-patches.side // choices),
+            axes=choices[:, None, None] * patches.axes,
+            divisor=choices * patches.divisor,
+        )
 
 
 @dataclass(frozen=True)
@@ -183,21 +138,12 @@ class GrayWeights:
     name: ClassVar[str] = "gray_weights"
     photometric: ClassVar[bool] = True
 
-    def draw(self, g: Generator) -> Tensor:
-        weights = 0.05 + torch.rand(3, generator=g)
-        return weights / weights.sum()
+    def draw(self, g: Generator, count: int) -> Tensor:
+        weights = 0.05 + torch.rand(count, 3, generator=g)
+        return weights / weights.sum(1, keepdim=True)
 
-    def apply(self, patch: Patch, choice: Tensor) -> Patch:
-        return gray(patch, choice)
-
-
-def gray(patch: Patch, weights: Tensor | None = None) -> Patch:
-    """With one channel: luma unless weights are given. Gray stays as it is."""
-    if patch.views.shape[1] == 1:
-        return patch
-    mixture = torch.from_numpy(LUMA) if weights is None else weights
-    mixed = (patch.views * mixture.to(patch.views)[:, None, None]).sum(1, keepdim=True)
-    return replace(patch, views=mixed)
+    def apply(self, patches: Patches, choices: Tensor) -> Patches:
+        return gray(patches, choices)
 
 
 @dataclass(frozen=True)
@@ -208,11 +154,11 @@ class ColourScale:
     photometric: ClassVar[bool] = True
     bounds: tuple[float, float] = (0.5, 2.0)
 
-    def draw(self, g: Generator) -> float:
-        return _between(g, *self.bounds)
+    def draw(self, g: Generator, count: int) -> Tensor:
+        return _between(g, count, *self.bounds)
 
-    def apply(self, patch: Patch, choice: float) -> Patch:
-        return replace(patch, views=patch.views * choice)
+    def apply(self, patches: Patches, choices: Tensor) -> Patches:
+        return replace(patches, views=patches.views * _each(choices, patches))
 
 
 @dataclass(frozen=True)
@@ -223,36 +169,41 @@ class Gamma:
     photometric: ClassVar[bool] = True
     bounds: tuple[float, float] = (0.8, 1.2)
 
-    def draw(self, g: Generator) -> float:
-        return _between(g, *self.bounds)
+    def draw(self, g: Generator, count: int) -> Tensor:
+        return _between(g, count, *self.bounds)
 
-    def apply(self, patch: Patch, choice: float) -> Patch:
-        return replace(patch, views=patch.views.clamp_min(0) ** choice)
+    def apply(self, patches: Patches, choices: Tensor) -> Patches:
+        return replace(patches, views=patches.views.clamp_min(0) ** _each(choices, patches))
 
 
 @dataclass(frozen=True)
 class CameraFaults:
     """Exposure, vignetting, gamma, noise and 8 bits of a camera; beyond the paper.
 
-    For rendered scenes, which come clean but for their lens. A choice is the key of a generator.
+    For rendered scenes, which come clean but for their lens. Choices are, all together, the key of
+    a generator.
     """
 
     name: ClassVar[str] = "camera_faults"
     photometric: ClassVar[bool] = True
     faults: Faults = field(default_factory=Faults)
 
-    def draw(self, g: Generator) -> int:
-        return int(torch.randint(2**31, (), generator=g))
+    def draw(self, g: Generator, count: int) -> Tensor:
+        return torch.randint(2**31, (count,), generator=g)
 
-    def apply(self, patch: Patch, choice: int) -> Patch:
-        g = Generator().manual_seed(choice)
-        photos = photographed(g, patch.views[None], self.faults, picture_px=WORLD_PX)
-        views, deviation = (t[0] for t in photos)
-        return replace(patch, views=views, noise=deviation[patch.offsets.index((0, 0))].mean(0))
+    def apply(self, patches: Patches, choices: Tensor) -> Patches:
+        g = generator(*choices.tolist())
+        views, deviation = photographed(g, patches.views, self.faults, picture_px=WORLD_PX)
+        return replace(patches, views=views, noise=deviation[:, patches.centre].mean(1))
 
 
-def _between(g: Generator, low: float, high: float) -> float:
-    return low + (high - low) * float(torch.rand((), generator=g))
+def _between(g: Generator, count: int, low: float, high: float) -> Tensor:
+    return low + (high - low) * torch.rand(count, generator=g)
+
+
+def _each(choices: Tensor, patches: Patches) -> Tensor:
+    """(B, 1, 1, 1, 1) a number for each patch."""
+    return moved(choices, patches.views.device).view(-1, 1, 1, 1, 1)
 
 
 AUGMENTATIONS: Mapping[str, Augmentation] = MappingProxyType(

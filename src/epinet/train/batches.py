@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import torch
 from torch import Generator, Tensor
@@ -19,13 +18,14 @@ from epinet.model.sweepnet import searched
 from epinet.predict.batch import find_light_fields
 from epinet.synth.faults import ROUNDING
 from epinet.synth.generator import generator
-from epinet.train.augment import Augmentation, GrayWeights, Offset, Patch, Scale, gray
+from epinet.train.augment import Augmentation, GrayWeights, Scale
 from epinet.train.information import disparity_deviation
+from epinet.train.patches import Frames, Offset, Patches, gray, moved
 from epinet.train.recipe import Recipe
-from epinet.train.sources import Folders, Needs, Rendered, Source
+from epinet.train.sources import Folders, Mixed, Needs, Rendered, Source
 
 TRIES = 50
-"""So many patches are tried for a place of the batch before a rejected one is taken."""
+"""So many patches are tried for a place of the batch before it takes one of another place."""
 
 SHARD_STRIDE = 1_000_003
 """Distance of the seeds of the scenes that a run's shards render."""
@@ -138,11 +138,11 @@ class Cut:
 
 
 class Batches:
-    """Batches of patches, each from a source of its own choice and augmented by itself.
+    """Batches of patches, each augmented by itself.
 
     Args:
         cut: shape of the batches.
-        sources: with the share of the patches that each gives.
+        source: of the patches.
         augmentations: in the order to apply them.
         seed: of everything drawn; `shard` numbers independent streams of one seed.
     """
@@ -150,30 +150,35 @@ class Batches:
     def __init__(
         self,
         cut: Cut,
-        sources: Sequence[tuple[Source, float]],
+        source: Source,
         augmentations: Sequence[Augmentation],
         seed: int,
         shard: int = 0,
     ) -> None:
-        self.cut, self.augmentations, self.seed, self.shard = cut, augmentations, seed, shard
-        self._sources = [source for source, _ in sources]
-        self._shares = torch.tensor([share for _, share in sources])
+        self.cut, self.source, self.seed, self.shard = cut, source, seed, shard
+        self._geometric = [a for a in augmentations if not a.photometric]
+        self._photometric = [a for a in augmentations if a.photometric]
+        self._mixes_gray = any(a.name == GrayWeights.name for a in augmentations)
+        self._star = sorted(set(cut.offsets))
+        order = [self._star.index(offset) for offset in cut.offsets]
+        self._stacks = torch.tensor(order).view(cut.streams, cut.views)
 
     def __call__(self, step: int) -> Batch:
         g = generator(self.seed, 3, self.shard, step)
-        patches = [self._patch(g, step, place) for place in range(self.cut.batch)]
+        frames, any_accepted = self._frames(g, step)
+        patches = self._patches(g, step, frames)
         margin, inner = self.cut.margin_px, self.cut.inner
-        weight = self._weight(patches)
-        views = torch.stack([self._stacks(patch) for patch, _ in patches])
+        weight = self._weight(patches, any_accepted)
+        views = patches.views[:, :, 0]
         if self.cut.local_contrast:
             views = local_contrast(views)[..., margin:-margin, margin:-margin]
-        truths = torch.stack([patch.truth()[0][None, inner, inner] for patch, _ in patches])
-        truths = truths.nan_to_num()  # what is unknown has no weight, which NaN would not keep
+        # What is unknown has no weight, which NaN would not keep.
+        truths = patches.disparity[:, None, inner, inner].nan_to_num()
         every = self._every(g)
-        known = every * torch.cat([patch.truth()[0].flatten() for patch, _ in patches])
-        known = known[known.isfinite()]
-        bounds = searched(known.min().item(), known.max().item()) if len(known) else (-1.0, 1.0)
-        return Batch(views[:, :, ::every], every * truths, weight, every, bounds)
+        stacks = views[:, moved(self._stacks[:, ::every], views.device)]
+        low, high = _extremes(patches.disparity)
+        bounds = searched(every * low, every * high) if low <= high else (-1.0, 1.0)
+        return Batch(stacks, every * truths, weight, every, bounds)
 
     def _every(self, g: Generator) -> int:
         """Of the views on each side of the centre view, every so many-th is shown.
@@ -187,38 +192,66 @@ class Batches:
             return 1
         return choices[int(choice * len(choices))]
 
-    def _patch(self, g: Generator, step: int, place: int) -> tuple[Patch, bool]:
-        """A patch, and whether it is one to learn from."""
-        for _ in range(TRIES):
-            choices = [(a, a.draw(g)) for a in self.augmentations]
-            side = self.cut.side_px
-            for augmentation, choice in choices:
-                side *= choice if isinstance(augmentation, Scale) else 1
-            k = int(torch.multinomial(self._shares, 1, generator=g))
-            patch = self._sources[k].patch(g, step, place, side)
-            patch = _applied(patch, [c for c in choices if not c[0].photometric])
-            accepted = self.cut.least_weight is not None or self._accepts(patch)
-            if accepted:
+    def _frames(self, g: Generator, step: int) -> tuple[Frames, bool]:
+        """Where the batch's patches lie, and whether any is one to learn from.
+
+        Where nothing to learn from was found for some of the places, they take over patches of
+        others, so that the norms' statistics, too, are of patches to learn from alone.
+        """
+        frames = self._drawn(g, step, self.cut.batch)
+        if self.cut.least_weight is not None:
+            return frames, True
+        accepted = self._accepted(step, frames)
+        for _ in range(TRIES - 1):
+            missing = (~accepted).nonzero()[:, 0]
+            if not len(missing):
                 break
-        return gray(_applied(patch, [c for c in choices if c[0].photometric])), accepted
+            others = self._drawn(g, step, len(missing))
+            frames = frames.put(missing, others)
+            accepted[missing] = self._accepted(step, others)
+        found, missing = accepted.nonzero()[:, 0], (~accepted).nonzero()[:, 0]
+        if len(found):
+            again = torch.randint(len(found), (len(missing),), generator=g)
+            frames = frames.put(missing, frames[found[again]])
+        return frames, len(found) > 0
 
-    def _accepts(self, patch: Patch) -> bool:
-        """Judged before the camera's faults: noise is no texture."""
-        margin, middle = self.cut.margin_px, self.cut.patch_px // 2
-        seen = slice(margin, margin + self.cut.seen_px)
-        centre = gray(patch).view((0, 0))[None, :, seen, seen]
-        texture = textured(centre, self.cut.texture_threshold)[0, 0, middle, middle]
-        return bool(texture) and bool(patch.truth()[1][seen, seen].all())
+    def _drawn(self, g: Generator, step: int, count: int) -> Frames:
+        choices = [(a, a.draw(g, count)) for a in self._geometric]
+        side_px = torch.full((count,), self.cut.side_px)
+        for augmentation, choice in choices:
+            side_px = side_px * choice if isinstance(augmentation, Scale) else side_px
+        frames = self.source.draw(g, step, side_px)
+        for augmentation, choice in choices:
+            frames = augmentation.apply(frames, choice)
+        return frames
 
-    def _weight(self, patches: Sequence[tuple[Patch, bool]]) -> Tensor:
+    def _accepted(self, step: int, frames: Frames) -> Tensor:
+        """(B,) on the CPU; judged before the camera's faults: noise is no texture."""
+        seen = frames.window(self.cut.margin_px, self.cut.seen_px)
+        centre = gray(self.source.cut(step, seen, [(0, 0)]))
+        usable = centre.usable.flatten(1).all(1)
+        middle = self.cut.patch_px // 2
+        around = slice(middle, middle + 2 * MARGIN_PX + 1)
+        views = centre.centre_view[..., around, around]
+        texture = textured(views, self.cut.texture_threshold).flatten() > 0
+        return (texture & usable).cpu()
+
+    def _patches(self, g: Generator, step: int, frames: Frames) -> Patches:
+        """In gray."""
+        patches = self.source.cut(step, frames, self._star)
+        if not self._mixes_gray:
+            patches = gray(patches)
+        for augmentation in self._photometric:
+            patches = augmentation.apply(patches, augmentation.draw(g, len(frames.scene)))
+        return patches
+
+    def _weight(self, patches: Patches, any_accepted: bool) -> Tensor:
         """(B, 1, P, P)."""
         cut, inner = self.cut, self.cut.inner
-        usable = torch.stack([patch.truth()[1][None, inner, inner] for patch, _ in patches])
+        usable = patches.usable[:, None, inner, inner]
         if cut.least_weight is None:
-            accepted = torch.tensor([accepted for _, accepted in patches])
-            return accepted.view(-1, 1, 1, 1).to(usable.device) * torch.ones_like(usable).float()
-        centre = torch.stack([patch.view((0, 0)) for patch, _ in patches])
-        noise = torch.stack([_noise(patch) for patch, _ in patches])
+            return torch.full_like(usable, any_accepted, dtype=torch.float)
+        centre, noise = patches.centre_view, _noise(patches)
         other = torch.full_like(noise, UNTOLD)
         if cut.local_contrast:
             unit = contrast_unit(centre)
@@ -227,27 +260,20 @@ class Batches:
         told = 1 / (1 + (deviation / cut.told_px) ** 2)
         return torch.where(usable, told.clamp_min(cut.least_weight), cut.mirror_weight)
 
-    def _stacks(self, patch: Patch) -> Tensor:
-        """(S, N, H, W)."""
-        return patch.views[self._order(patch), 0]
 
-    def _order(self, patch: Patch) -> Tensor:
-        place = {offset: k for k, offset in enumerate(patch.offsets)}
-        order = [place[offset] for offset in self.cut.offsets]
-        return torch.tensor(order).view(self.cut.streams, self.cut.views)
+def _noise(patches: Patches) -> Tensor:
+    """(B, 1, H, W) standard deviation of the centre view's noise; of 8 bits where unknown."""
+    if patches.noise is None:
+        return torch.full_like(patches.centre_view, ROUNDING)
+    return patches.noise[:, None]
 
 
-def _applied(patch: Patch, choices: Sequence[tuple[Augmentation, Any]]) -> Patch:
-    for augmentation, choice in choices:
-        patch = augmentation.apply(patch, choice)
-    return patch
-
-
-def _noise(patch: Patch) -> Tensor:
-    """(1, H, W) standard deviation of the centre view's noise; of 8 bits where it is unknown."""
-    if patch.noise is None:
-        return torch.full_like(patch.view((0, 0)), ROUNDING)
-    return patch.noise[None]
+def _extremes(disparity: Tensor) -> tuple[float, float]:
+    """Least and greatest of those that are known; the least is infinite where none is."""
+    least = disparity.nan_to_num(torch.inf).min()
+    greatest = disparity.nan_to_num(-torch.inf).max()
+    low, high = torch.stack([least, greatest]).tolist()
+    return low, high
 
 
 def textured(centre: Tensor, threshold: float) -> Tensor:
@@ -322,7 +348,7 @@ def batches_of(
                 device=device,
             )
             sources.append((rendered, sum(share for _, share in kinds)))
-        return Batches(cut, sources, recipe.chosen_augmentations(), recipe.seed, shard)
+        return Batches(cut, Mixed(sources), recipe.chosen_augmentations(), recipe.seed, shard)
 
     return [
         InTurn(batches(small, shard), batches(large, shard), recipe.large_patches)

@@ -15,7 +15,8 @@ import copy
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import timedelta
 from functools import cached_property
@@ -40,6 +41,7 @@ from epinet.model.epinet import Epinet
 from epinet.model.normed import add_norms, without_norms
 from epinet.model.sweepnet import SweepNet
 from epinet.synth.options import RANGES_PX
+from epinet.train.ahead import made_ahead, pays
 from epinet.train.batches import Batch, batches_of
 from epinet.train.checkpoint import State, continuing, write_checkpoint
 from epinet.train.interruption import interruption
@@ -136,7 +138,9 @@ class Run:
         self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         # Norms are set by a batch of each process's own: only the leader's may count.
         team.share([*self.net.parameters(), *self.net.buffers()])
-        self.averaged = AveragedModel(self.net, avg_fn=self._average)
+        self.averaged: AveragedModel | None = None
+        if recipe.averaging:
+            self.averaged = AveragedModel(self.net, multi_avg_fn=self._average)
         self.optimisers = Optimisers(self.net, recipe, team)
         self.step, self.seconds = 0, 0.0
         self.clock = time.monotonic
@@ -156,16 +160,19 @@ class Run:
     def _checkpoint(self) -> Path:
         return self.folder / "last.pt"
 
-    def _average(self, average: Tensor, new: Tensor, updates: Tensor | int) -> Tensor:
+    def _average(
+        self, averages: Sequence[Tensor], new: Sequence[Tensor], updates: Tensor | int
+    ) -> None:
         decay = min(self.recipe.averaging, (1 + int(updates)) / (10 + int(updates)))
-        return torch.lerp(new, average, decay)
+        torch._foreach_lerp_(list(averages), list(new), 1 - decay)
 
     def _resume(self) -> None:
         recipe = self.recipe.as_dict()
         with continuing(self._checkpoint, recipe, self._validated_on, self.device) as state:
             self.started_from = state["started_from"]
             self.net.load_state_dict(state["net"])
-            self.averaged.load_state_dict(state["averaged"])
+            if self.averaged:
+                self.averaged.load_state_dict(state["averaged"])
             self.optimisers.load(state["optimisers"])
             self.step, self.seconds = state["step"], state["seconds"]
             self.best, self.losses = state["best"], state["losses"]
@@ -196,7 +203,7 @@ class Run:
             "validated_on": self._validated_on,
             "started_from": self.started_from,
             "net": self.net.state_dict(),
-            "averaged": self.averaged.state_dict(),
+            "averaged": self.averaged and self.averaged.state_dict(),
             "optimisers": self.optimisers.state(),
             "step": self.step,
             "seconds": self.seconds,
@@ -233,6 +240,15 @@ class Run:
                 checkpoint is from before.
             InputError: something cannot be written.
         """
+        made = self.batches
+        ahead = pays(self.device, self.team.size)
+        with made_ahead(made, self.recipe.steps) if ahead else nullcontext(made) as self.batches:
+            try:
+                self._train(save_every_s)
+            finally:
+                self.batches = made
+
+    def _train(self, save_every_s: float) -> None:
         if not self.team.leads:
             with interruption() as interrupted:
                 while self.step < self.recipe.steps:
@@ -287,36 +303,39 @@ class Run:
         net, shards = self.net, self.recipe.shards
         self._set_modes()
         statistics = [b for b in net.buffers() if b.is_floating_point()]
-        before = [b.clone() for b in statistics]
-        sums = [torch.zeros_like(b) for b in statistics]
+        in_parts = shards > 1 and bool(statistics)
+        before = [b.clone() for b in statistics] if in_parts else []
+        sums = [torch.zeros_like(b) for b in statistics] if in_parts else []
         loss = torch.zeros((), device=self.device)
         net.zero_grad(set_to_none=True)
         for batches in self.batches:
-            for buffer, value in zip(statistics, before, strict=True):
-                buffer.copy_(value)
             batch = batches(self.step)
             if batches is self.batches[0]:
                 self._keep(batch)
+            if in_parts:
+                torch._foreach_copy_(statistics, before)
             part = self._loss(batch) / shards
             part.backward()  # type: ignore[no-untyped-call]
             loss += part.detach()
-            for total, buffer in zip(sums, statistics, strict=True):
-                total += buffer / shards
+            if in_parts:
+                torch._foreach_add_(sums, statistics, alpha=1 / shards)
         flag = torch.tensor(float(stop), device=self.device)
         gradients = [p.grad for p in net.parameters() if p.grad is not None]
         self.team.add([loss, flag, *gradients, *sums])
-        for buffer, value in zip(statistics, sums, strict=True):
-            buffer.copy_(value)
-        self._check_finite("loss", loss)
+        if in_parts:
+            torch._foreach_copy_(statistics, sums)
         clip = math.inf if self.recipe.gradient_clip is None else self.recipe.gradient_clip
-        self._check_finite("norm of the gradient", nn.utils.clip_grad_norm_(net.parameters(), clip))
+        norm = nn.utils.clip_grad_norm_(net.parameters(), clip)
         self.optimisers.step(self.recipe.rate(self.step))
-        sums_of_weights = [t.sum().float() for t in net.state_dict().values()]
-        self._check_finite("sum of the weights", torch.stack(sums_of_weights).sum())
-        self.averaged.update_parameters(net)
+        weights = [t for t in net.state_dict().values() if t.is_floating_point()]
+        size = nn.utils.get_total_norm(weights, norm_type=1)
+        last, *others, stopped = torch.stack([loss, norm, size, flag]).tolist()  # the one wait
+        self._check_finite(last, *others)
+        if self.averaged:
+            self.averaged.update_parameters(net)
         self.step += 1
-        self.losses.append(loss.item())
-        if flag.item() > 0:
+        self.losses.append(last)
+        if stopped > 0:
             raise StoppedError(f"stopped at step {self.step} of {self.recipe.steps}")
 
     def _set_modes(self) -> None:
@@ -346,13 +365,15 @@ class Run:
     def _autocast(self) -> torch.autocast:
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self.bf16)
 
-    def _check_finite(self, what: str, value: Tensor) -> None:
-        if value.isfinite():
+    def _check_finite(self, loss: float, gradient: float, weights: float) -> None:
+        named = {"loss": loss, "norm of the gradient": gradient, "sum of the weights": weights}
+        wrong = [name for name, value in named.items() if not math.isfinite(value)]
+        if not wrong:
             return
         kept = f"{self._checkpoint} is from before; " if self._checkpoint.exists() else ""
         raise DivergedError(
-            f"the {what} is {value.item()} at step {self.step}; {kept}the rate may be too high: "
-            f"try --set learning_rate={self.recipe.learning_rate / 2:g} in another folder"
+            f"the {wrong[0]} is {named[wrong[0]]} at step {self.step}; {kept}the rate may be too "
+            f"high: try --set learning_rate={self.recipe.learning_rate / 2:g} in another folder"
         )
 
     def _validate(self, log: Log) -> None:
@@ -394,11 +415,12 @@ class Run:
         return Validation.rendered(self.recipe.views, bounds)
 
     def weights(self) -> Weights:
-        """The averaged weights.
+        """The averaged weights, or the last where the recipe averages none.
 
         As long as batch normalisation learns, with statistics of their own over the last batches.
         """
-        net: Network = copy.deepcopy(cast(Network, self.averaged.module))
+        kept = self.averaged.module if self.averaged else self.net
+        net: Network = copy.deepcopy(cast(Network, kept))
         if isinstance(net, Epinet):
             if not self._norms_fixed:
                 self._take_statistics(net)

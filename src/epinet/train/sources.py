@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Protocol
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Generator
+from torch import Generator, Tensor
 
 from epinet.angular import CENTRAL_NINE
 from epinet.errors import InputError
@@ -20,7 +21,8 @@ from epinet.io.problems import Problems
 from epinet.lightfield import LightField
 from epinet.synth.generator import Pool, generator, pools, star_offsets
 from epinet.synth.options import Options
-from epinet.train.augment import Offset, Patch, ViewShift
+from epinet.train.augment import ViewShift
+from epinet.train.patches import Frames, LightFields, Offset, Patches, cut_by
 
 STEPS_PER_POOL = 16
 """So many steps use a pool of rendered scenes, each with other patches and augmentations."""
@@ -60,23 +62,51 @@ class Needs:
 
 
 class Source(Protocol):
-    """Scenes to cut patches from; what is cut depends on the arguments alone."""
+    """Scenes to cut squares from; what is cut depends on the arguments alone."""
 
-    def patch(self, g: Generator, step: int, place: int, side_px: int) -> Patch:
-        """A square from a scene, for one place of the batch of a step."""
+    def draw(self, g: Generator, step: int, side_px: Tensor) -> Frames:
+        """Squares of sides (B,) in scenes of a step, drawn at random."""
+
+    def cut(self, step: int, frames: Frames, offsets: Sequence[Offset]) -> Patches:
+        """Those squares, all of one side by now, with the views at `offsets`."""
+
+
+class Mixed:
+    """Several sources, each with its share of the squares."""
+
+    def __init__(self, sources: Sequence[tuple[Source, float]]) -> None:
+        self._sources = [source for source, _ in sources]
+        self._shares = torch.tensor([share for _, share in sources])
+
+    def draw(self, g: Generator, step: int, side_px: Tensor) -> Frames:
+        chosen = torch.multinomial(self._shares, len(side_px), replacement=True, generator=g)
+        parts, places = [], []
+        for k, source in enumerate(self._sources):
+            at = (chosen == k).nonzero()[:, 0]
+            if len(at):
+                frames = source.draw(g, step, side_px[at])
+                parts.append(replace(frames, source=torch.full_like(frames.scene, k)))
+                places.append(at)
+        return Frames.joined(parts)[torch.cat(places).argsort()]
+
+    def cut(self, step: int, frames: Frames, offsets: Sequence[Offset]) -> Patches:
+        return cut_by(
+            frames.source, frames, lambda k, of_it: self._sources[k].cut(step, of_it, offsets)
+        )
 
 
 class Rendered:
     """Endless scenes of the generator, rendered in pools that serve several steps.
 
     Step s takes its patches from the pool in slot s % `SLOTS`; slot after slot gets a new pool.
+    Squares that are drawn together lie in different scenes of it as far as there are as many.
 
     Args:
         kinds: options of the scenes, of each pool one, and how often it is that; their size is
             chosen here.
         needs: which views and truths.
         seed: of the scenes.
-        count: scenes per pool: one for each place of a batch.
+        count: scenes per pool: as many as a batch has places.
         side_px: largest patch asked for.
         reach: share of the disparity range to use from a step on; asked where a pool begins.
         gray: render gray values only, which is three times faster.
@@ -100,17 +130,17 @@ class Rendered:
         self._shares = torch.tensor([share for _, share in kinds])
         self.needs, self.seed, self.count = needs, seed, count
         self.reach, self.gray, self.textures, self.device = reach, gray, textures, device
-        self._slots: dict[int, tuple[int, Pool]] = {}
+        self._slots: dict[int, tuple[int, LightFields]] = {}
 
-    def patch(self, g: Generator, step: int, place: int, side_px: int) -> Patch:
-        pool = self._pool(step)
-        n = place % self.count
-        scene = Patch(
-            pool.views[n], self.needs.offsets, pool.disparity[n], pool.valid[n], self.needs.truths
-        )
-        return _piece(g, scene, side_px)
+    def draw(self, g: Generator, step: int, side_px: Tensor) -> Frames:
+        rounds = math.ceil(len(side_px) / self.count)
+        scenes = torch.cat([torch.randperm(self.count, generator=g) for _ in range(rounds)])
+        return _anywhere(g, scenes[: len(side_px)], side_px, torch.tensor(self.kinds[0].size))
 
-    def _pool(self, step: int) -> Pool:
+    def cut(self, step: int, frames: Frames, offsets: Sequence[Offset]) -> Patches:
+        return self._pool(step).cut(frames, offsets)
+
+    def _pool(self, step: int) -> LightFields:
         slot = step % SLOTS
         lifetime = STEPS_PER_POOL * SLOTS
         phase = STEPS_PER_POOL * slot  # so that not all slots change at once
@@ -132,7 +162,7 @@ class Rendered:
                 textures=self.textures,
                 device=self.device,
             )
-            self._slots[slot] = k, next(made)
+            self._slots[slot] = k, _light_fields(next(made), self.needs)
         return self._slots[slot][1]
 
 
@@ -151,31 +181,39 @@ class Folders:
     def __init__(
         self, folders: Sequence[Path], needs: Needs, *, side_px: int, device: str = "cpu"
     ) -> None:
-        self.scenes: list[Patch] = []
+        self.scenes: list[LightFields] = []
         self.device = device
         problems = Problems()
         for folder in folders:
             with problems.gather():
                 self.scenes.append(_read_scene(folder, needs, side_px))
         problems.raise_any()
-        sizes = [scene.disparity[0].numel() for scene in self.scenes]
-        self._weights = torch.tensor(sizes, dtype=torch.float)
+        self._sizes = torch.tensor([scene.disparity.shape[-2:] for scene in self.scenes])
 
-    def patch(self, g: Generator, step: int, place: int, side_px: int) -> Patch:
-        scene = self.scenes[int(torch.multinomial(self._weights, 1, generator=g))]
-        piece = _piece(g, scene, side_px)
-        unit = piece.views.to(self.device).float() / 255
-        disparity, usable = piece.disparity.to(self.device), piece.usable.to(self.device)
-        return replace(piece, views=unit, disparity=disparity, usable=usable)
+    def draw(self, g: Generator, step: int, side_px: Tensor) -> Frames:
+        weights = self._sizes.prod(1).float()
+        scenes = torch.multinomial(weights, len(side_px), replacement=True, generator=g)
+        return _anywhere(g, scenes, side_px, self._sizes[scenes])
 
-
-def _piece(g: Generator, scene: Patch, side_px: int) -> Patch:
-    height, width = scene.disparity.shape[-2:]
-    y, x = (int(torch.randint(n - side_px + 1, (), generator=g)) for n in (height, width))
-    return scene.mapped(lambda image: image[..., y : y + side_px, x : x + side_px], lambda o: o)
+    def cut(self, step: int, frames: Frames, offsets: Sequence[Offset]) -> Patches:
+        alone = replace(frames, scene=torch.zeros_like(frames.scene))
+        patches = cut_by(frames.scene, alone, lambda k, of_it: self.scenes[k].cut(of_it, offsets))
+        return patches.to(self.device)
 
 
-def _read_scene(folder: Path, needs: Needs, side_px: int) -> Patch:
+def _anywhere(g: Generator, scenes: Tensor, side_px: Tensor, size: Tensor) -> Frames:
+    """Squares at random places of scenes of a size, rows and columns."""
+    free = size - side_px[:, None] + 1
+    share = torch.rand(len(scenes), 2, dtype=torch.float64, generator=g)
+    return Frames.upright(scenes, side_px, (share * free).long())
+
+
+def _light_fields(pool: Pool, needs: Needs) -> LightFields:
+    views, disparity, valid = (t.contiguous() for t in (pool.views, pool.disparity, pool.valid))
+    return LightFields(views, needs.offsets, disparity, valid, needs.truths)
+
+
+def _read_scene(folder: Path, needs: Needs, side_px: int) -> LightFields:
     lf = read_light_field(folder).central(needs.grid)
     problems = Problems()
     if min(lf.size) < side_px:
@@ -198,13 +236,8 @@ def _read_scene(folder: Path, needs: Needs, side_px: int) -> Patch:
     if "invalid" in lf.masks:  # known for the centre view; its neighbours look nearly alike
         usable &= ~lf.masks["invalid"]
     views = np.stack([_eight_bits(lf, row + y, col + x) for y, x in needs.offsets])
-    return Patch(
-        torch.from_numpy(views),
-        needs.offsets,
-        torch.from_numpy(disparity),
-        torch.from_numpy(usable),
-        needs.truths,
-    )
+    views, disparity, usable = (torch.from_numpy(a)[None] for a in (views, disparity, usable))
+    return LightFields(views, needs.offsets, disparity, usable, needs.truths)
 
 
 def _truths(folder: Path, lf: LightField, needs: Needs) -> NDArray[np.float32]:
