@@ -29,6 +29,8 @@ MISALIGNED_PX = 0.06
 NOISE = 0.03
 """Largest standard deviation of noise on white, at strength 1."""
 
+AT_ONCE_ON_CPU = 2**16
+"""Pixels whose noise is made at once: what a core's cache holds."""
 
 DARKEST = 0.04
 """Least exposure of scenes taken in the dark, at strength 1."""
@@ -139,11 +141,20 @@ def hashed_normal(shape: torch.Size, key: int, device: torch.device | str) -> Te
 
     The sum of four 16-bit parts of a splitmix64 hash: mean 0, deviation 1, within +-3.5.
     """
-    x = torch.arange(math.prod(shape), device=device) + (key << 32)
+    count = math.prod(shape)
+    piece = count if torch.device(device).type == "cuda" else AT_ONCE_ON_CPU
+    pieces = [
+        _hashed(torch.arange(first, min(first + piece, count), device=device) + (key << 32))
+        for first in range(0, count, piece)
+    ]
+    return torch.cat(pieces).view(shape)
+
+
+def _hashed(x: Tensor) -> Tensor:
     x = x * -7046029254386353131
     x = (x ^ ((x >> 30) & 0x3FFFFFFFF)) * -4658895280553007687
     x = (x ^ ((x >> 27) & 0x1FFFFFFFFF)) * -7723592293110705685
     x = x ^ ((x >> 31) & 0x1FFFFFFFF)
     total = (x & 0xFFFF) + ((x >> 16) & 0xFFFF) + ((x >> 32) & 0xFFFF) + ((x >> 48) & 0xFFFF)
     scale = math.sqrt(3.0) / 65536
-    return ((total.float() - 2 * 65535) * scale).view(shape)
+    return (total.float() - 2 * 65535) * scale

@@ -171,7 +171,11 @@ class Batches:
         weight = self._weight(patches, any_accepted)
         views = patches.views[:, :, 0]
         if self.cut.local_contrast:
-            views = local_contrast(views)[..., margin:-margin, margin:-margin]
+            at_once = len(views) if views.is_cuda else 1  # so that a core's cache holds them
+            seen = [
+                local_contrast(v)[..., margin:-margin, margin:-margin] for v in views.split(at_once)
+            ]
+            views = torch.cat(seen)
         # What is unknown has no weight, which NaN would not keep.
         truths = patches.disparity[:, None, inner, inner].nan_to_num()
         every = self._every(g)

@@ -240,9 +240,9 @@ class Run:
                 checkpoint is from before.
             InputError: something cannot be written.
         """
-        made = self.batches
+        made, steps = self.batches, self.recipe.steps
         ahead = pays(self.device, self.team.size)
-        with made_ahead(made, self.recipe.steps) if ahead else nullcontext(made) as self.batches:
+        with made_ahead(made, steps, self.device) if ahead else nullcontext(made) as self.batches:
             try:
                 self._train(save_every_s)
             finally:
