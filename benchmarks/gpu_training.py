@@ -25,6 +25,7 @@ from typing import Any
 
 import torch
 
+from epinet.allocator import keep_freed_memory
 from epinet.io import read_light_field, write_pfm
 from epinet.predict.batch import find_light_fields
 from epinet.predict.estimator import Estimator, choose_device
@@ -112,6 +113,7 @@ def main() -> None:
     args = parser.parse_args()
     if args.output.exists():
         parser.error(f"{args.output}: is there already; name a new folder")
+    keep_freed_memory()  # as the command line does
     device = choose_device(args.device)
     paths = find_light_fields(args.light_fields)
     end = begun + 60 * args.minutes

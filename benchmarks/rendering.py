@@ -23,6 +23,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from epinet.allocator import keep_freed_memory
 from epinet.model.epinet import MARGIN_PX
 from epinet.synth.generator import SCENES_PER_BANK, bank, draw_scene, pools, star_offsets
 from epinet.synth.options import RANGES_PX, Options
@@ -165,6 +166,7 @@ def main() -> None:
     parser.add_argument("--machine", default=platform.processor() or platform.machine())
     parser.add_argument("--rounds", type=int, default=4)
     args = parser.parse_args()
+    keep_freed_memory()  # as the command line does
     device, gpu = args.device, args.device.startswith("cuda")
     side = Cut.of(load_recipe("fast-9x9")).side_px + CROP_FREEDOM_PX
     pool_options = Options(size=(side, side))

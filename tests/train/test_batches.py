@@ -178,7 +178,7 @@ def test_textureless_patches_and_any_that_touch_a_mirror_are_rejected():
     mirror = torch.ones(23, 23, dtype=torch.bool)
     mirror[0, 22] = False  # in the corner of the views, far from the one pixel of the map
     source = Fixed(made_of(3, flat), made_of(3, rough, mirror), made_of(3, rough))
-    batch = Batches(plain(), [(source, 1.0)], [], seed=1)(0)
+    batch = Batches(plain(), source, [], seed=1)(0)
     assert source.given == 3
     assert torch.equal(batch.stacks[0, 0, 0], rough)
     assert batch.weight.item() == 1
@@ -211,7 +211,7 @@ def test_our_recipe_keeps_every_patch_and_weighs_its_pixels():
     usable[:30] = False
     cut = plain(patch_px=30, least_weight=0.2)
     source = Fixed(made_of(3, image, usable))
-    weight = Batches(cut, [(source, 1.0)], [], seed=1)(0).weight[0, 0]
+    weight = Batches(cut, source, [], seed=1)(0).weight[0, 0]
     assert source.given == 1
     assert (weight[:19] == 0).all()  # map row 0 is view row 11
     untold = 30 - 1 - WINDOW_PX // 2 - 11  # columns from which no window reaches the texture

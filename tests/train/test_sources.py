@@ -17,9 +17,9 @@ from epinet.synth.render import truth
 from epinet.train.sources import SLOTS, STEPS_PER_POOL, Folders, Mixed, Needs, Rendered
 
 
-def one(source, g, side: int = 24, step: int = 0):
+def one(source, g, views: int, side: int, step: int = 0):
     """One upright square from a source, as a batch of one."""
-    return source.cut(step, source.draw(g, step, torch.tensor([side])), source.needs.offsets)
+    return source.cut(step, source.draw(g, step, torch.tensor([side])), Needs(views).offsets)
 
 
 OPTIONS = Options(size=(40, 48), views=5, samples=1, surfaces=(3, 5))
@@ -33,7 +33,7 @@ def scenes(tmp_path_factory):
 
 def test_a_piece_is_a_square_of_the_files(scenes):
     source = Folders(scenes[:1], Needs(views=5), side_px=24)
-    piece = one(source, generator(1))
+    piece = one(source, generator(1), 5, 24)
     lf = read_light_field(scenes[0])
     disparity, usable = piece.disparity[0], piece.usable[0]
     corners = [
@@ -48,7 +48,8 @@ def test_a_piece_is_a_square_of_the_files(scenes):
         assert np.allclose(piece.views[0, k].numpy(), expected)
     mask = lf.masks["invalid"][y : y + 24, x : x + 24]
     assert np.array_equal(usable.numpy(), ~mask)
-    assert len({tuple(one(source, generator(k)).views[0, 0, 0, 0, :3]) for k in range(9)}) > 3
+    again = [one(source, generator(k), 5, 24).views[0, 0, 0, 0, :3] for k in range(9)]
+    assert len({tuple(first) for first in again}) > 3
 
 
 def test_squares_of_several_scenes_and_sources_come_in_their_order(scenes):
@@ -133,7 +134,7 @@ def test_rendered_pools_serve_several_steps_and_never_change_together():
         return Rendered([(options, 1.0)], needs, seed=1, count=1, side_px=16, reach=reach)
 
     def scene(rendered: Rendered, step: int) -> float:
-        one(rendered, generator(0), 16, step)
+        one(rendered, generator(0), 3, 16, step)
         return float(rendered._slots[step % SLOTS][1].disparity.double().sum())
 
     walked = source()
@@ -164,7 +165,7 @@ def test_each_pool_is_of_one_kind_and_kinds_come_by_their_shares():
         signs.append(bool(both.all()))
     assert 0.4 < sum(signs) / len(signs) < 0.95
     jumped = source()  # a resumed run sees the same kinds
-    assert bool((one(jumped, generator(0), 16, step).disparity > 0).all()) == signs[-1]
+    assert bool((one(jumped, generator(0), 3, 16, step).disparity > 0).all()) == signs[-1]
 
 
 def test_a_place_of_the_batch_sees_every_scene_of_a_pool_and_a_batch_each_once():

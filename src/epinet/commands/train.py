@@ -57,6 +57,7 @@ def train(
 
     Started by torchrun, its processes share the run (--set shards=N).
     """
+    from epinet.allocator import keep_freed_memory
     from epinet.predict.batch import find_light_fields
     from epinet.predict.estimator import choose_device
     from epinet.train.parallel import local_device, team
@@ -64,6 +65,7 @@ def train(
     from epinet.train.run import Run, StoppedError
     from epinet.train.validation import Validation
 
+    keep_freed_memory()
     chosen = changed_recipe(recipe, set_ or [], data or [], without or [])
     on = local_device(choose_device(device))
     scenes = None
