@@ -42,6 +42,8 @@ TRAINING = 0.8
 PLANNED = 0.85
 """Share of what is left for training that the steps should take, as far as they can be foreseen."""
 VALIDATIONS = 4
+VALIDATION = 0.04
+"""Largest share of the time that each of them may take; by it held-out scenes are left out."""
 
 
 def _steps(run: Run, first: int, count: int) -> float:
@@ -52,15 +54,22 @@ def _steps(run: Run, first: int, count: int) -> float:
     return time.perf_counter() - begun
 
 
-def speed(recipe: Recipe, device: torch.device) -> tuple[dict[str, float], Validation]:
-    """Seconds of a step whose scenes are there, and of the scenes of a pool; and what a run of the
-    recipe is validated on."""
+def speed(
+    recipe: Recipe, device: torch.device, validation_s: float
+) -> tuple[dict[str, float], Validation]:
+    """Seconds of a step whose scenes are there, and of the scenes of a pool; and so many of the
+    scenes that the recipe is validated on as can be predicted in `validation_s`."""
     with TemporaryDirectory() as folder:
         run = Run(recipe, Path(folder), device=device)
         _steps(run, 0, 1)  # first calls are slow, and draw the textures
         with_scenes_s = _steps(run, 1, SLOTS - 1) / (SLOTS - 1)
         step_s = _steps(run, SLOTS, SLOTS) / SLOTS
-    return {"step_s": step_s, "pool_s": max(0.0, with_scenes_s - step_s)}, run.validation
+        scenes = list(run.validation.scenes.items())
+        weights, begun = run.weights(), time.perf_counter()
+        Validation(dict(scenes[:1])).predict(weights, device, bf16=run.bf16)
+        count = max(1, int(validation_s / (time.perf_counter() - begun)))
+    found = {"step_s": step_s, "pool_s": max(0.0, with_scenes_s - step_s)}
+    return found, Validation(dict(scenes[:count]))
 
 
 def train(run: Run, end: float) -> float:
@@ -118,7 +127,7 @@ def main() -> None:
     paths = find_light_fields(args.light_fields)
     end = begun + 60 * args.minutes
     recipe = changed_recipe(args.recipe, args.set, [], [])
-    found, held_out = speed(recipe, device)
+    found, held_out = speed(recipe, device, VALIDATION * 60 * args.minutes)
     per_step_s = found["step_s"] + found["pool_s"] / STEPS_PER_POOL
     trained = begun + TRAINING * (end - begun)
     left_s = trained - time.perf_counter()
@@ -139,6 +148,7 @@ def main() -> None:
         "steps_per_s": round(run.step / took_s, 3),
         "patches_per_s": round(recipe.batch * run.step / took_s, 1),
         "peak_gpu_memory_mb": round(torch.cuda.max_memory_allocated() / 2**20) if gpu else None,
+        "held_out_scenes": len(held_out.scenes),
         "history": run.history,
         "light_fields": evaluate(run, paths, args.output / "maps", end),
         "minutes": round((time.perf_counter() - begun) / 60, 2),
