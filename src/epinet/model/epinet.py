@@ -158,7 +158,19 @@ class Epinet(nn.Module):
             )
         if min(stacks.shape[-2:]) <= 2 * MARGIN_PX:
             raise ValueError(f"views must be larger than {2 * MARGIN_PX} px on each side")
-        features = [stream(stacks[:, i]) for i, stream in enumerate(self.streams)]
-        x = torch.cat(features, dim=1)  # (B, S * width, H - 6, W - 6)
-        out: Tensor = self.head(self.merge(x))  # (B, 1, H - 22, W - 22)
+        return self.disparity(self.features(stacks)[1])
+
+    def features(self, stacks: Tensor) -> tuple[list[Tensor], Tensor]:
+        """What the last layers of the streams and the last but one of the whole give.
+
+        Returns:
+            S tensors (B, width, H - 6, W - 6), and (B, S * width, H - 21, W - 21).
+        """
+        streams = [stream(stacks[:, i]) for i, stream in enumerate(self.streams)]
+        x = torch.cat(streams, dim=1)  # (B, S * width, H - 6, W - 6)
+        return streams, self.head[:-1](self.merge(x))
+
+    def disparity(self, hidden: Tensor) -> Tensor:
+        """The last layer: (B, 1, H - 22, W - 22) of the last but one's features."""
+        out: Tensor = self.head[-1](hidden)
         return out.float()

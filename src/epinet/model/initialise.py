@@ -41,6 +41,41 @@ def _look_at_differences(weight: Tensor, gain: float) -> None:
     weight.mul_(gain)
 
 
+OPEN = 0.5
+"""Biases of the norms behind layers that pass their input on, so that little is cut off at 0."""
+
+
+@torch.no_grad()
+def pass_on(net: Epinet, share: float) -> None:
+    """Let every hidden layer begin with a share of the identity beside its random weights.
+
+    22 convolutions without a shortcut garble what the first ones find. Here each convolution of as
+    many inputs as outputs gets `share` at one tap of each channel's own weights, upper left and
+    lower right in turn, so that the picture stays in place, and its random part is scaled so that
+    the variance stays. (Zagoruyko and Komodakis, 2017, "DiracNets", have such a start; the
+    identity branch of RepVGG, Ding et al., CVPR 2021, folds into a convolution in the same way.)
+
+    Args:
+        net: of random weights; its norms, if it has any, get biases of `OPEN`.
+        share: 0..1 of the identity.
+    """
+    paths = [(0, stream) for stream in net.streams]  # 5 hidden convolutions each: 3 taps of 0
+    for first, part in (*paths, (1, nn.ModuleList([net.merge, net.head]))):
+        for k, conv in enumerate(_hidden_convolutions(part)):
+            tap = (first + k) % 2
+            conv.weight.mul_((1 - share**2) ** 0.5)
+            conv.weight[:, :, tap, tap].diagonal().add_(share)
+    for module in net.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            nn.init.constant_(module.bias, OPEN)
+
+
+def _hidden_convolutions(part: nn.Module) -> list[nn.Conv2d]:
+    """Those with as many outputs as inputs, in the order of the layers."""
+    convolutions = [m for m in part.modules() if isinstance(m, nn.Conv2d)]
+    return [c for c in convolutions if c.in_channels == c.out_channels]
+
+
 def start_as_keras(net: Epinet) -> None:
     """Keras' default, as in the reference: Glorot's uniform weights and no biases."""
     for module in net.modules():
@@ -69,3 +104,46 @@ def with_fewer_views(net: Epinet, views: int) -> Epinet:
             state[f"{name}.weight"] = kept
     smaller.load_state_dict(state)
     return smaller
+
+
+@torch.no_grad()
+def widened(net: Epinet, width: int, seed: int) -> Epinet:
+    """A wider network that gives what `net` gives (Chen et al., ICLR 2016, "Net2Net").
+
+    Units are copied in turn until there are enough, and each weight of the next layer is shared
+    out at random among the copies of the unit that it reads, so that they can part in training.
+
+    Args:
+        net: without norms of training, see `epinet.model.normed`.
+        width: of a stream; no less than the net's.
+        seed: of the shares.
+    """
+    g = torch.Generator().manual_seed(seed)
+    old, config = net.config.stream_width, replace(net.config, stream_width=width)
+    of_stream = torch.arange(width) % old
+    of_merge = torch.cat([of_stream + old * s for s in range(config.streams)])
+    wider = Epinet(config)
+    state = net.state_dict()
+    for name, module in wider.named_modules():
+        if isinstance(module, nn.Conv2d):
+            weight = state[f"{name}.weight"]
+            if not isinstance(module, ViewConv):
+                sources = of_stream if module.in_channels == width else of_merge
+                weight = _shared_out(weight, sources, g)
+            state[f"{name}.weight"] = weight
+        if isinstance(module, nn.Conv2d | nn.BatchNorm2d):
+            outputs = state[f"{name}.bias"].numel()
+            if outputs > 1:
+                sources = of_stream if outputs == old else of_merge
+                for key in module.state_dict():
+                    if state[f"{name}.{key}"].ndim:
+                        state[f"{name}.{key}"] = state[f"{name}.{key}"][sources]
+    wider.load_state_dict(state)
+    return wider
+
+
+def _shared_out(weight: Tensor, sources: Tensor, g: torch.Generator) -> Tensor:
+    """Weights (outputs, units, 2, 2) of copies of units, which sum to those of the units."""
+    shares = torch.rand(len(weight), len(sources), *weight.shape[2:], generator=g) + 0.5
+    sums = torch.zeros_like(weight).index_add_(1, sources, shares)
+    return weight[:, sources] * shares / sums[:, sources]

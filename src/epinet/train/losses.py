@@ -12,6 +12,7 @@ from epinet.model.checkpoint import Network
 from epinet.model.epinet import MARGIN_PX, Epinet
 from epinet.model.sweepnet import Estimates
 from epinet.train.batches import Batch
+from epinet.train.classes import classes_of
 from epinet.train.recipe import Recipe
 
 CLASSES, ERROR = 0.2, 0.02
@@ -25,8 +26,13 @@ FAR = 0.1
 def batch_loss(net: Network, batch: Batch, recipe: Recipe) -> Tensor:
     """Mean loss over the pixels of a batch, by their weights."""
     if isinstance(net, Epinet):
-        error = (net(batch.stacks) - batch.disparity).abs()
-        return _mean(_robust(error, recipe.loss_scale_px), batch.weight)
+        streams, hidden = net.features(batch.stacks)
+        error = (net.disparity(hidden) - batch.disparity).abs()
+        loss = _mean(_robust(error, recipe.loss_scale_px), batch.weight)
+        if recipe.class_weight:
+            unlikely = classes_of(net).cross_entropy(streams, hidden, batch.disparity)
+            loss = loss + recipe.class_weight * _mean(unlikely, batch.weight)
+        return loss
     return sweepnet_loss(
         net(batch.stacks, batch.range_px).scaled(1 / batch.every),
         batch.disparity / batch.every,

@@ -98,11 +98,17 @@ class Recipe(_Model):
     """What differs from SweepNet's shape, see `epinet.model.sweepnet.SweepNetConfig`."""
     views: int = 9
     streams: int = 4
+    width: Annotated[int, Field(ge=1)] | None = None
+    """Channels of one of EPINET's streams. None: the published 70, or what gives as many
+    parameters with fewer streams. What a narrow network learns starts a wide one."""
     local_contrast: bool = False
     """The network sees each view with its local mean and contrast normalised, not plain gray."""
     start: str = GLOROT
     """Starting weights: "glorot", Keras' default; "differences", He's on differences to the centre
     view; "own", SweepNet's; or trained ones: a file, or the name of shipped ones."""
+
+    identity: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """Share of the identity in the hidden layers that EPINET starts from scratch with."""
 
     frozen: tuple[Part, ...] = ()
     """Parts of SweepNet that keep the weights it starts from."""
@@ -146,6 +152,8 @@ class Recipe(_Model):
     loss_scale_px: Annotated[float, Field(gt=0)] | None = None
     """The loss of an error e is s log(1 + |e| / s), which hardly sees errors far above s.
     None: |e|, the paper's mean absolute error."""
+    class_weight: Annotated[float, Field(ge=0)] = 0.0
+    """Weight of a classification of the disparity from EPINET's features, while training only."""
     learning_rate: Annotated[float, Field(gt=0)] = 1e-5
     final_learning_rate: Annotated[float, Field(ge=0)] = 1e-6
     decay: Literal["constant", "exponential", "cosine"] = "exponential"
@@ -178,6 +186,8 @@ class Recipe(_Model):
             raise ValueError("fewer_views: EPINET sees a fixed number of views")
         elif self.start == OWN:
             raise ValueError(f"start: EPINET starts from {GLOROT}, {DIFFERENCES} or weights")
+        if self.identity and not self.from_scratch:
+            raise ValueError("identity: takes a start from scratch, not from weights")
         if self.views not in VIEW_COUNTS:
             raise ValueError(f"views must be one of {VIEW_COUNTS}, not {self.views}")
         if self.streams not in STREAM_COUNTS:
@@ -217,6 +227,9 @@ class Recipe(_Model):
             "streams": self.streams != 4,
             "local_contrast": self.local_contrast,
             "norms": self.norms,
+            "width": self.width is not None,
+            "identity": self.identity > 0,
+            "class_weight": self.class_weight > 0,
             "start": self.start in (GLOROT, DIFFERENCES),
             "patch_px": self.patch_px % 2 == 1,
         }
@@ -224,7 +237,8 @@ class Recipe(_Model):
             names = ", ".join(name for name, is_wrong in wrong.items() if is_wrong)
             raise ValueError(
                 f"{names}: SweepNet takes 4 streams of plain gray views in patches of even size, "
-                f"has no norms, and starts from {OWN} or weights"
+                f"has no norms, no width and no classes of EPINET's, and starts from {OWN} or "
+                "weights"
             )
         try:
             with torch.device("meta"):  # no memory, and no random numbers
@@ -236,6 +250,8 @@ class Recipe(_Model):
         """The network to train, untrained."""
         if self.model == SWEEPNET:
             return SweepNet(SweepNetConfig(**self.shape))
+        if self.width is not None:
+            return Epinet(EpinetConfig(self.streams, self.views, stream_width=self.width))
         return Epinet(EpinetConfig.of_equal_size(self.streams, self.views))
 
     def chosen_augmentations(self) -> tuple[Augmentation, ...]:

@@ -38,12 +38,13 @@ from epinet.model.checkpoint import (
     save_weights,
 )
 from epinet.model.epinet import Epinet
-from epinet.model.normed import add_norms, without_norms
+from epinet.model.normed import without_norms
 from epinet.model.sweepnet import SweepNet
 from epinet.synth.options import RANGES_PX
 from epinet.train.ahead import made_ahead, pays
 from epinet.train.batches import Batch, batches_of
 from epinet.train.checkpoint import State, continuing, write_checkpoint
+from epinet.train.classes import remove_classes
 from epinet.train.interruption import interruption
 from epinet.train.log import Log
 from epinet.train.losses import batch_loss
@@ -51,7 +52,7 @@ from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
 from epinet.train.precision import computes_bf16
 from epinet.train.recipe import Recipe
-from epinet.train.start import as_epinet, begin, mixed_with_start
+from epinet.train.start import attach, begin, mixed_with_start
 from epinet.train.validation import (
     RENDERED,
     Validation,
@@ -131,8 +132,8 @@ class Run:
         resumed = self._checkpoint.exists()
         if not resumed:
             self.started_from = begin(self.net, recipe, self.batches[0])
-        elif recipe.norms:
-            add_norms(as_epinet(self.net))
+        else:
+            attach(self.net, recipe)
         for part in recipe.frozen:
             self.net.get_submodule(part).requires_grad_(False)
         self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -427,6 +428,7 @@ class Run:
             for norm in _norms(net):
                 norm.num_batches_tracked = torch.tensor(self.step)  # whatever the number of shards
             net = without_norms(net)
+            remove_classes(net)
         elif self.recipe.start_share:
             mixed_with_start(net, self.recipe)
         return Weights(net.eval(), self.metadata(), str(self.folder))
