@@ -47,12 +47,12 @@ class EpinetConfig:
             raise ValueError(f"views must be one of {VIEW_COUNTS}, not {self.views}")
 
     @classmethod
-    def of_equal_size(cls, streams: int, views: int = 9) -> EpinetConfig:
-        """The network of table 1: `streams` streams at about the 4-stream network's parameters.
+    def of_equal_size(cls, streams: int, views: int = 9, width: int = 70) -> EpinetConfig:
+        """The network of table 1: `streams` streams at about as many parameters as 4 of a width.
 
         The paper states no widths for 1 and 2 streams; this takes the width that comes nearest.
         """
-        return cls(streams, views, stream_width=_width_of_equal_size(streams, views))
+        return cls(streams, views, stream_width=_width_of_equal_size(streams, views, width))
 
     @property
     def parameters(self) -> int:
@@ -74,13 +74,13 @@ class EpinetConfig:
 
 
 @lru_cache
-def _width_of_equal_size(streams: int, views: int) -> int:
-    target = EpinetConfig(views=views).parameters
+def _width_of_equal_size(streams: int, views: int, width: int) -> int:
+    target = EpinetConfig(views=views, stream_width=width).parameters
 
-    def distance(width: int) -> int:
-        return abs(EpinetConfig(streams, views, width).parameters - target)
+    def distance(candidate: int) -> int:
+        return abs(EpinetConfig(streams, views, candidate).parameters - target)
 
-    return min(range(35, 561), key=distance)
+    return min(range(width, 4 * width + 1), key=distance)
 
 
 class ViewConv(nn.Conv2d):

@@ -98,9 +98,9 @@ class Recipe(_Model):
     """What differs from SweepNet's shape, see `epinet.model.sweepnet.SweepNetConfig`."""
     views: int = 9
     streams: int = 4
-    width: Annotated[int, Field(ge=1)] | None = None
-    """Channels of one of EPINET's streams. None: the published 70, or what gives as many
-    parameters with fewer streams. What a narrow network learns starts a wide one."""
+    width: Annotated[int, Field(ge=1)] = 70
+    """Channels of each of EPINET's streams where there are four, as published; fewer are as much
+    wider as gives equal parameters. What a narrow network learned can start a wide one."""
     local_contrast: bool = False
     """The network sees each view with its local mean and contrast normalised, not plain gray."""
     start: str = GLOROT
@@ -227,7 +227,7 @@ class Recipe(_Model):
             "streams": self.streams != 4,
             "local_contrast": self.local_contrast,
             "norms": self.norms,
-            "width": self.width is not None,
+            "width": self.width != type(self).model_fields["width"].default,
             "identity": self.identity > 0,
             "class_weight": self.class_weight > 0,
             "start": self.start in (GLOROT, DIFFERENCES),
@@ -250,9 +250,7 @@ class Recipe(_Model):
         """The network to train, untrained."""
         if self.model == SWEEPNET:
             return SweepNet(SweepNetConfig(**self.shape))
-        if self.width is not None:
-            return Epinet(EpinetConfig(self.streams, self.views, stream_width=self.width))
-        return Epinet(EpinetConfig.of_equal_size(self.streams, self.views))
+        return Epinet(EpinetConfig.of_equal_size(self.streams, self.views, self.width))
 
     def chosen_augmentations(self) -> tuple[Augmentation, ...]:
         """The augmentations in the order in which they are applied."""
