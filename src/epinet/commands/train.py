@@ -47,6 +47,10 @@ def train(
         Path | None,
         typer.Option(help="Folder of scenes with truth; default: small rendered ones."),
     ] = None,
+    cache: Annotated[
+        Path | None,
+        typer.Option(help="Folder that keeps rendered scenes for other runs on the same ones."),
+    ] = None,
     device: DeviceOption = None,
     list_: Annotated[
         bool,
@@ -81,6 +85,7 @@ def train(
             device=on,
             team=processes,
             validation=scenes,
+            cache=cache,
             say=remark if processes.leads else lambda line: None,
         )
         try:

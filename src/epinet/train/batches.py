@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import torch
 from torch import Generator, Tensor
 from torch.nn import functional as F
 
 from epinet.angular import STREAM_DIRECTIONS_DEG, direction_positions
+from epinet.errors import InputError
 from epinet.io.problems import Problems
 from epinet.model.contrast import WINDOW_PX, contrast_unit, local_contrast
 from epinet.model.epinet import MARGIN_PX
@@ -314,13 +316,21 @@ class InTurn:
 
 
 def batches_of(
-    recipe: Recipe, shards: Sequence[int], *, device: str = "cpu"
+    recipe: Recipe, shards: Sequence[int], *, cache: Path | None = None, device: str = "cpu"
 ) -> list[Callable[[int], Batch]]:
     """The batches of some shards of a recipe; scenes on disk are read once for all of them.
+
+    Args:
+        cache: folder that keeps rendered scenes for other runs on the same ones.
 
     Raises:
         InputError: scenes of the recipe that cannot be used.
     """
+    if cache is not None and recipe.textures is not None:
+        raise InputError(
+            f"{cache}: scenes that wear the photographs in {recipe.textures} are not kept, since "
+            "these may change; leave out the cache or the photographs"
+        )
     small = Cut.of(recipe)
     large = small.enlarged if recipe.large_patches else None
     needs = Needs(recipe.views, recipe.shifted)
@@ -349,6 +359,7 @@ def batches_of(
                 reach=recipe.reach,
                 gray=GrayWeights.name not in recipe.augmentations,
                 textures=recipe.textures,
+                cache=cache,
                 device=device,
             )
             sources.append((rendered, sum(share for _, share in kinds)))

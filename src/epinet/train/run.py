@@ -98,6 +98,7 @@ class Run:
         device: to train on.
         team: the processes that share the run.
         validation: default: small rendered scenes of held-out kinds.
+        cache: folder that keeps rendered scenes for other runs on the same ones.
         say: told about progress, a line at a time.
 
     Raises:
@@ -113,6 +114,7 @@ class Run:
         device: torch.device | str = "cpu",
         team: Team = ALONE,
         validation: Validation | None = None,
+        cache: Path | None = None,
         say: Callable[[str], None] = print,
     ) -> None:
         self.recipe, self.folder, self.team, self.say = recipe, folder, team, say
@@ -124,7 +126,7 @@ class Run:
                 f"--set shards={team.size}"
             )
         mine = range(team.rank, recipe.shards, team.size)
-        self.batches = batches_of(recipe, mine, device=str(self.device))
+        self.batches = batches_of(recipe, mine, cache=cache, device=str(self.device))
         check_writable(folder)
         torch.manual_seed(recipe.seed)
         self.net = recipe.network()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -23,6 +23,7 @@ from epinet.synth.generator import Pool, generator, pools, star_offsets
 from epinet.synth.options import Options
 from epinet.train.augment import ViewShift
 from epinet.train.patches import Frames, LightFields, Offset, Patches, cut_by
+from epinet.train.pool_cache import kept
 
 STEPS_PER_POOL = 16
 """So many steps use a pool of rendered scenes, each with other patches and augmentations."""
@@ -110,6 +111,7 @@ class Rendered:
         side_px: largest patch asked for.
         reach: share of the disparity range to use from a step on; asked where a pool begins.
         gray: render gray values only, which is three times faster.
+        cache: folder that keeps the pools for other runs on the same scenes.
     """
 
     def __init__(
@@ -123,6 +125,7 @@ class Rendered:
         reach: Callable[[int], float] = lambda step: 1.0,
         gray: bool = True,
         textures: Path | None = None,
+        cache: Path | None = None,
         device: str = "cpu",
     ) -> None:
         side = side_px + CROP_FREEDOM_PX
@@ -130,6 +133,7 @@ class Rendered:
         self._shares = torch.tensor([share for _, share in kinds])
         self.needs, self.seed, self.count = needs, seed, count
         self.reach, self.gray, self.textures, self.device = reach, gray, textures, device
+        self.cache = cache
         self._slots: dict[int, tuple[int, LightFields]] = {}
 
     def draw(self, g: Generator, step: int, side_px: Tensor) -> Frames:
@@ -147,23 +151,31 @@ class Rendered:
         k = slot + SLOTS * ((step + phase) // lifetime)
         if slot not in self._slots or self._slots[slot][0] != k:
             begins = max(0, k // SLOTS * lifetime - phase)
-            share = self.reach(begins)
-            g = generator(self.seed, 5, k)
-            options = self.kinds[int(torch.multinomial(self._shares, 1, generator=g))]
-            low, high = (share * bound for bound in options.disparity_px)
-            made = pools(
-                replace(options, disparity_px=(low, high)),
-                self.seed,
-                self.count,
-                first=k,
-                offsets=self.needs.offsets,
-                truths=self.needs.truths,
-                gray=self.gray,
-                textures=self.textures,
-                device=self.device,
-            )
-            self._slots[slot] = k, _light_fields(next(made), self.needs)
+            pool = self._rendered(k, self.reach(begins))
+            self._slots[slot] = k, _light_fields(pool, self.needs)
         return self._slots[slot][1]
+
+    def _rendered(self, k: int, reach: float) -> Pool:
+        """Pool number k, with a share of the range of disparities."""
+        g = generator(self.seed, 5, k)
+        options = self.kinds[int(torch.multinomial(self._shares, 1, generator=g))]
+        low, high = (reach * bound for bound in options.disparity_px)
+        options = replace(options, disparity_px=(low, high))
+        drawn = {"seed": self.seed, "count": self.count, "first": k}
+        shown: dict[str, Any] = {
+            "offsets": self.needs.offsets,
+            "truths": self.needs.truths,
+            "gray": self.gray,
+        }
+
+        def make() -> Pool:
+            return next(
+                pools(options, **drawn, **shown, textures=self.textures, device=self.device)
+            )
+
+        if self.cache is None:
+            return make()
+        return kept(self.cache, {**asdict(options), **drawn, **shown}, make, self.device)
 
 
 class Folders:
