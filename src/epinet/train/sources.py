@@ -25,13 +25,13 @@ from epinet.train.augment import ViewShift
 from epinet.train.patches import Frames, LightFields, Offset, Patches, cut_by
 from epinet.train.pool_cache import kept
 
-STEPS_PER_POOL = 16
+STEPS_PER_POOL = 32
 """So many steps use a pool of rendered scenes, each with other patches and augmentations."""
 
 SLOTS = 8
 """So many pools are in use, in turn: steps that see the same scenes lie so far apart."""
 
-CROP_FREEDOM_PX = 16
+CROP_FREEDOM_PX = 24
 """Rendered scenes are larger than a patch by this much."""
 
 
