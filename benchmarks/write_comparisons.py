@@ -66,8 +66,8 @@ TABLES = """## The paper's tables
 Every run is saved as a file and not repeated; a training that was stopped continues. Tables come
 as Markdown and LaTeX beside the runs. `--budget minutes` (two seeds, a few steps) shows that the
 machinery works, `hours` trains with our optimisation (the recipe `fast-9x9`) for 3,000 steps,
-`days` with the paper's own for a million and three seeds. In every budget the views, streams and
-augmentations are those of the paper's recipes, and all runs are judged by the same scenes."""
+`days` with the paper's own for its ten million and three seeds. In every budget the views, streams
+and augmentations are those of the paper's recipes, and all runs are judged by the same scenes."""
 
 
 RENDERED = ("minutes/streams", "minutes/views", "wide")

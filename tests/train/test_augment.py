@@ -21,9 +21,11 @@ from epinet.train.augment import (
     Rotation,
     Scale,
     SignReversal,
+    TurnOrFlip,
     ViewShift,
     gray,
 )
+from epinet.train.recipe_files import load_recipe
 from epinet.train.sources import Needs
 
 NEEDS = Needs(views=3, shifted=True)
@@ -88,6 +90,25 @@ def test_rotations_and_flips_are_the_symmetries_of_the_square(patch):
     assert not same(flipped(patch), patch)
 
 
+def test_a_flip_of_the_paper_is_a_mirror_image_of_reversed_sign(patch):
+    """Mirrored left-right as our flips do it, but for its grid, turned by half a turn."""
+    mirrored = flipped(turned(patch, 1))
+    assert torch.equal(mirrored.view((1, 1)), patch.view((1, -1)).flip(-1))
+    expected = mirrored.mapped(lambda image: image, lambda o: (-o[0], -o[1]))
+    expected = replace(expected, disparity=-expected.disparity)
+    assert same(SignReversal().apply(patch, True), expected)
+
+
+def test_a_turn_or_flip_of_the_reference_code_is_one_of_five(patch):
+    made = [TurnOrFlip().apply(patch, choice) for choice in range(5)]
+    for k in range(4):
+        assert same(made[k], turned(patch, k))
+    assert same(made[4], flipped(patch))
+    g = generator(1)
+    odds = np.bincount([TurnOrFlip().draw(g) for _ in range(2000)]) / 2000
+    assert np.allclose(odds, 0.2, atol=0.04)
+
+
 def test_what_is_done_can_be_undone(patch):
     assert same(SignReversal().apply(SignReversal().apply(patch, True), True), patch)
     shift = ViewShift()
@@ -128,6 +149,7 @@ CASES = [
     *((ViewShift(), shift) for shift in SHIFTS),
     *((Rotation(), quarters) for quarters in range(4)),
     *((Flip(), choice) for choice in (False, True)),
+    *((TurnOrFlip(), choice) for choice in range(5)),
     *((SignReversal(), choice) for choice in (False, True)),
     (Scale(), 2),
     (GrayWeights(), torch.tensor([0.1, 0.2, 0.7])),
@@ -195,8 +217,26 @@ def test_gray_weights_are_one_mixture_for_all_views(patch):
     assert np.allclose(luma, 0.299 * red + 0.587 * green + 0.114 * blue, atol=1e-6)
 
 
+def test_the_papers_augmentations_make_288_light_fields_of_one(patch):
+    """As its section 3.3 has it for views of 7x7: every combination of the recipe's, all unlike."""
+    g = generator(2)
+    changes = [a for a in load_recipe("paper-7x7").chosen_augmentations() if not a.photometric]
+    made = [patch]
+    for augmentation in changes:
+        choices = {augmentation.draw(g) for _ in range(300)}
+        made = [augmentation.apply(p, choice) for p in made for choice in choices]
+    assert len(made) == 288
+
+    def key(p: Patch) -> bytes:
+        """Of what the network sees and learns: the 3x3 star, in order, and the truth."""
+        star = [p.view(offset) for offset in Needs(views=3).offsets]
+        return b"".join(t.numpy().tobytes() for t in (*star, *p.truth()))
+
+    assert len({key(p) for p in made}) == len(made)
+
+
 def test_choices_are_those_of_the_paper():
-    """288 = 9 view shifts x 4 rotations x 2 flips x 4 scales, and the ranges of colour."""
+    """And the ranges of colour."""
     g = generator(2)
 
     def seen(augmentation) -> set:

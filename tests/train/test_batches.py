@@ -8,7 +8,7 @@ import torch
 
 from epinet.angular import CENTRAL_NINE, direction_positions
 from epinet.model.sweepnet import searched
-from epinet.train.augment import AUGMENTATIONS, Patch, ViewShift
+from epinet.train.augment import AUGMENTATIONS, ColourScale, GrayWeights, Patch, ViewShift
 from epinet.train.batches import Batches, Cut, batches_of, textured
 from epinet.train.information import WINDOW_PX
 from epinet.train.recipe import Recipe
@@ -164,6 +164,26 @@ def test_textureless_patches_and_any_that_touch_a_mirror_are_rejected():
     assert batch.weight.item() == 1
 
 
+def test_texture_is_judged_in_the_gray_that_the_network_sees():
+    """Green texture is none to a mixture of red and blue; exposure makes none."""
+    rough = torch.rand(23, 23, generator=torch.Generator().manual_seed(1))
+    green = torch.stack([torch.full_like(rough, 0.5), rough, torch.full_like(rough, 0.5)])
+    patch = made_of(3, rough)
+    patch = replace(patch, views=green.expand(len(patch.offsets), -1, -1, -1))
+
+    class Without(GrayWeights):
+        def draw(self, g):
+            return torch.tensor([0.5, 0.0, 0.5])
+
+    for augmentations, accepted in (
+        ([], 1),
+        ([Without()], 0),
+        ([ColourScale((1e-3, 2e-3))], 1),
+    ):
+        batch = Batches(plain(), [(Fixed(patch), 1.0)], augmentations, seed=1)(0)
+        assert batch.weight.item() == accepted
+
+
 def test_our_recipe_keeps_every_patch_and_weighs_its_pixels():
     rough = torch.rand(60, 60, generator=torch.Generator().manual_seed(1))
     image = torch.where(torch.arange(60) < 30, torch.full((60, 60), 0.5), rough)
@@ -212,7 +232,8 @@ def test_every_augmentation_of_a_recipe_reaches_its_batches(monkeypatch):
 
 
 def test_the_largest_scale_fits_what_is_rendered():
-    recipe = load_recipe("paper-wide", OURS | {"augmentations": ["scale"]})
+    wide = {"data": [{"generator": "wide"}], "scale_weights": [0, 0, 0, 0, 0, 1]}
+    recipe = load_recipe("paper-9x9", OURS | wide | {"augmentations": ["scale"]})
     batch = batches_of(recipe, [0])[0](0)
     assert batch.stacks.shape[-1] == 26
     assert isinstance(recipe, Recipe)

@@ -63,6 +63,26 @@ def test_truths_of_the_nine_central_views_come_from_their_files(scenes):
     assert len(list(scenes[1].glob("gt_disp_lowres_Cam*.pfm"))) == 8
 
 
+def test_scenes_are_drawn_by_their_weights(scenes):
+    """The quarter that the reference code gives to scenes with mirrors."""
+    g, names = generator(1), [scene.name for scene in scenes]
+
+    def drawn(weights) -> Counter:
+        source = Folders(scenes, Needs(views=3), side_px=24, weights=weights)
+        kept = [scene.disparity[0] for scene in source.scenes]
+        pieces = (source.patch(g, 0, 0, 40).disparity[0] for _ in range(500))
+        return Counter(
+            next(n for n, k in zip(names, kept, strict=True) if torch.isin(p[0], k).all())
+            for p in pieces
+        )
+
+    assert drawn({names[0]: 0.25})[names[0]] / 500 == pytest.approx(0.2, abs=0.05)
+    assert drawn({"elsewhere": 0.25})[names[0]] / 500 == pytest.approx(0.5, abs=0.06)
+    assert drawn({names[1]: 0.0})[names[1]] == 0
+    with pytest.raises(InputError, match="scene_weights: leave nothing of the scenes scene_00000"):
+        Folders(scenes[:1], Needs(views=3), side_px=24, weights={names[0]: 0.0})
+
+
 def test_what_is_missing_is_named_all_at_once(scenes, tmp_path):
     lf = read_light_field(scenes[0])
     bare = tmp_path / "bare"

@@ -138,11 +138,29 @@ def _turned(patch: Patch, symmetry: Symmetry) -> Patch:
 
 
 @dataclass(frozen=True)
-class SignReversal:
-    """The view grid turned by half a turn, the images not: every disparity changes its sign.
+class TurnOrFlip:
+    """One of five: a quarter turn, a half, three quarters, the transposition, or none.
 
-    The paper's flip "with reversed sign". What was far then covers what was near, which no scene
-    does: for the paper's recipes only.
+    What the reference code does in place of `Rotation` and `Flip`, which together give eight.
+    """
+
+    name: ClassVar[str] = "turn_or_flip"
+    photometric: ClassVar[bool] = False
+
+    def draw(self, g: Generator) -> int:
+        return int(torch.randint(5, (), generator=g))
+
+    def apply(self, patch: Patch, choice: int) -> Patch:
+        return _turned(patch, Symmetry(choice % 4, transposed=choice == 4))
+
+
+@dataclass(frozen=True)
+class SignReversal:
+    """Images mirrored left-right, and the rows of the view grid alone reversed: every disparity
+    changes its sign.
+
+    The paper's flip: what is a mirror image, with the grid turned by half a turn beside. What was
+    far then covers what was near, which no scene does: for the paper's recipes only.
     """
 
     name: ClassVar[str] = "sign_reversal"
@@ -154,8 +172,8 @@ class SignReversal:
     def apply(self, patch: Patch, choice: bool) -> Patch:
         if not choice:
             return patch
-        reversed_ = patch.mapped(lambda image: image, lambda o: (-o[0], -o[1]))
-        return replace(reversed_, disparity=-patch.disparity)
+        reversed_ = patch.mapped(lambda image: image.flip(-1), lambda o: (-o[0], o[1]))
+        return replace(reversed_, disparity=-reversed_.disparity)
 
 
 @dataclass(frozen=True)
@@ -262,6 +280,7 @@ AUGMENTATIONS: Mapping[str, Augmentation] = MappingProxyType(
             ViewShift(),
             Rotation(),
             Flip(),
+            TurnOrFlip(),
             SignReversal(),
             Scale(),
             GrayWeights(),

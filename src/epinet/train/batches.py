@@ -196,11 +196,13 @@ class Batches:
                 side *= choice if isinstance(augmentation, Scale) else 1
             k = int(torch.multinomial(self._shares, 1, generator=g))
             patch = self._sources[k].patch(g, step, place, side)
-            patch = _applied(patch, [c for c in choices if not c[0].photometric])
+            # Texture is judged in the gray that the network sees, as the reference code does.
+            first = [c for c in choices if not c[0].photometric or isinstance(c[0], GrayWeights)]
+            patch = _applied(patch, first)
             accepted = self.cut.least_weight is not None or self._accepts(patch)
             if accepted:
                 break
-        return gray(_applied(patch, [c for c in choices if c[0].photometric])), accepted
+        return gray(_applied(patch, choices[len(first) :])), accepted
 
     def _accepts(self, patch: Patch) -> bool:
         """Judged before the camera's faults: noise is no texture."""
@@ -303,7 +305,9 @@ def batches_of(
             with problems.gather():
                 scenes = find_light_fields([data.folder])
                 side_px = scale * (large or small).side_px
-                on_disk.append((Folders(scenes, needs, side_px=side_px, device=device), data.share))
+                weights = recipe.scene_weights
+                source = Folders(scenes, needs, side_px=side_px, weights=weights, device=device)
+                on_disk.append((source, data.share))
     problems.raise_any()
     kinds = [(data.rendered(), data.share) for data in recipe.data if data.generator is not None]
 

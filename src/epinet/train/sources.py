@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -143,13 +143,21 @@ class Folders:
         folders: one for each scene, in any layout; `ViewShift` needs the benchmark's.
         needs: which views and truths.
         side_px: largest patch asked for.
+        weights: how often scenes of these names are drawn, relative to others of their size.
 
     Raises:
-        InputError: all that is wrong: unreadable scenes, no truth, missing or small views.
+        InputError: all that is wrong: unreadable scenes, no truth, missing or small views, or no
+            scene that is ever drawn.
     """
 
     def __init__(
-        self, folders: Sequence[Path], needs: Needs, *, side_px: int, device: str = "cpu"
+        self,
+        folders: Sequence[Path],
+        needs: Needs,
+        *,
+        side_px: int,
+        weights: Mapping[str, float] | None = None,
+        device: str = "cpu",
     ) -> None:
         self.scenes: list[Patch] = []
         self.device = device
@@ -158,8 +166,15 @@ class Folders:
             with problems.gather():
                 self.scenes.append(_read_scene(folder, needs, side_px))
         problems.raise_any()
-        sizes = [scene.disparity[0].numel() for scene in self.scenes]
-        self._weights = torch.tensor(sizes, dtype=torch.float)
+        self._weights = torch.tensor(
+            [
+                (weights or {}).get(folder.name, 1.0) * scene.disparity[0].numel()
+                for folder, scene in zip(folders, self.scenes, strict=True)
+            ]
+        )
+        if not self._weights.any():
+            names = ", ".join(folder.name for folder in folders)
+            raise InputError(f"scene_weights: leave nothing of the scenes {names}")
 
     def patch(self, g: Generator, step: int, place: int, side_px: int) -> Patch:
         scene = self.scenes[int(torch.multinomial(self._weights, 1, generator=g))]
