@@ -157,8 +157,7 @@ class Run:
         return torch.lerp(new, average, decay)
 
     def _resume(self) -> None:
-        recipe = self.recipe.as_dict()
-        with continuing(self._checkpoint, recipe, self._validated_on, self.device) as state:
+        with continuing(self._checkpoint, self.recipe, self._validated_on, self.device) as state:
             self.started_from = state["started_from"]
             self.net.load_state_dict(state["net"])
             self.averaged.load_state_dict(state["averaged"])
