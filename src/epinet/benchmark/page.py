@@ -27,6 +27,7 @@ from epinet.benchmark.table import (
     ABSENT,
     mean_text,
     partial_means,
+    ranges_used,
     score_tables,
     score_text,
     truths_used,
@@ -79,7 +80,7 @@ def _summary(evaluation: Evaluation) -> str:
     scenes = _count(len(evaluation.scenes), "scene")
     return (
         f"{methods} on {scenes}. A border of {evaluation.border_px} px is left out; lower is "
-        f"better everywhere. {escape(truths_used(evaluation))}"
+        f"better everywhere. {escape(truths_used(evaluation))} {escape(ranges_used(evaluation))}"
     )
 
 
@@ -192,7 +193,7 @@ def _published_means() -> str:
 
 
 def _all_scores(evaluation: Evaluation) -> str:
-    parts = [f"<p>{escape(truths_used(evaluation))}</p>"]
+    parts = [f"<p>{escape(truths_used(evaluation))} {escape(ranges_used(evaluation))}</p>"]
     for table in score_tables(evaluation):
         scenes = [row[0] for row in table.rows]
         parted = {i for i in range(1, len(scenes)) if scenes[i] != scenes[i - 1]}
