@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.peers.keras_epinet import REQUIREMENT
+from benchmarks.peers.methods import OURS
 from benchmarks.peers.tables import markdown
+from benchmarks.stated_ranges import KEPT, note
 from epinet.synth.generator import VERSION
 
 ROOT = Path(__file__).parent.parent
@@ -49,11 +51,11 @@ runs every method on every light field in a process of its own, with the same nu
   search for the range of disparities (SweepNet) and the confidence.
 
 The structure tensor and the plane sweep are told the range of disparities that `parameters.cfg`
-states, and the maps of SweepNet and EPINET stay within it (`antinous` comes without). These two
-were trained on rendered scenes of our own generator, on none of these. SweepNet's parts and the
-slants of its training scenes were chosen with the path-traced set in view, which is of another
-renderer (`make pathtraced`, 256x256 px); on `antinous` nothing was tuned. Mirrors and panes are
-left out but in the scene `mirrors`."""
+states (`antinous` comes without); whether those of SweepNet and EPINET stay within it is said
+below. These two were trained on rendered scenes of our own generator, on none of these. SweepNet's
+parts and the slants of its training scenes were chosen with the path-traced set in view, which is
+of another renderer (`make pathtraced`, 256x256 px); on `antinous` nothing was tuned. Mirrors and
+panes are left out but in the scene `mirrors`."""
 
 TABLES = """## The paper's tables
 
@@ -81,12 +83,15 @@ def read(name: str) -> Any:
 def peers() -> Iterator[str]:
     report = read("peers")
     yield PEERS.format(requirement=REQUIREMENT)
+    scenes = [scene for of_set in report["sets"].values() for scene in of_set.values()]
+    bounded = {m: [scene["methods"][m].get(KEPT) for scene in scenes] for m in OURS}
     runs = "one run" if report["repeats"] == 1 else f"median of {report['repeats']} runs"
     yield (
         f"Measured on {report['machine']}, {report['threads']} thread, float32, {runs} in one "
         "process. Other work kept the machine busy, so that wall "
         "times mean nothing; an idle machine would need about the CPU time, or a little less. Peak "
-        "memory is the whole process's, with Python, torch (some 230 MB) and the views."
+        "memory is the whole process's, with Python, torch (some 230 MB) and the views. "
+        f"{note(bounded)}"
     )
     yield markdown(report)
     yield "![peers](images/peers.png)"
