@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from epinet.errors import InputError
 from epinet.io import read_light_field, read_pfm, write_light_field
@@ -14,6 +15,9 @@ from epinet.synth.dataset import write_dataset
 from epinet.synth.generator import draw_scene, generator
 from epinet.synth.options import Options
 from epinet.synth.render import truth
+from epinet.train.batches import batches_of
+from epinet.train.recipe import Data
+from epinet.train.recipe_files import load_recipe
 from epinet.train.sources import SLOTS, STEPS_PER_POOL, Folders, Needs, Rendered
 
 OPTIONS = Options(size=(40, 48), views=5, samples=1, surfaces=(3, 5))
@@ -81,6 +85,23 @@ def test_scenes_are_drawn_by_their_weights(scenes):
     assert drawn({names[1]: 0.0})[names[1]] == 0
     with pytest.raises(InputError, match="scene_weights: leave nothing of the scenes scene_00000"):
         Folders(scenes[:1], Needs(views=3), side_px=24, weights={names[0]: 0.0})
+
+
+def test_mirrors_without_a_mask_are_told(scenes, tmp_path):
+    """Of HCI's scenes that have some; the reference code's own name of the mask will do."""
+    lf = replace(read_light_field(scenes[0]), masks={})
+    for name in ("kitchen", "museum", "boxes"):
+        write_light_field(tmp_path / name, lf, "hci")
+    alpha = np.zeros((*lf.size, 4), np.uint8)
+    alpha[5:9, 6:20, 3] = 1
+    Image.fromarray(alpha).save(tmp_path / "museum" / "input_Cam040_invalid_ver2.png")
+    recipe = load_recipe("paper-9x9", {"views": 3, "scale_weights": [1]})
+    recipe = recipe.model_copy(update={"data": (Data(folder=tmp_path),)})
+    told = []
+    batches_of(recipe, [0], say=told.append)
+    assert len(told) == 1 and "kitchen: no mask of its mirrors" in told[0]
+    (museum,) = Folders([tmp_path / "museum"], Needs(views=3), side_px=24).scenes
+    np.testing.assert_array_equal(~museum.usable[0].numpy(), alpha[..., 3] > 0)
 
 
 def test_what_is_missing_is_named_all_at_once(scenes, tmp_path):

@@ -286,9 +286,16 @@ class InTurn:
 
 
 def batches_of(
-    recipe: Recipe, shards: Sequence[int], *, device: str = "cpu"
+    recipe: Recipe,
+    shards: Sequence[int],
+    *,
+    device: str = "cpu",
+    say: Callable[[str], None] = lambda line: None,
 ) -> list[Callable[[int], Batch]]:
     """The batches of some shards of a recipe; scenes on disk are read once for all of them.
+
+    Args:
+        say: told what may be wrong with them, a line at a time.
 
     Raises:
         InputError: scenes of the recipe that cannot be used.
@@ -308,6 +315,8 @@ def batches_of(
                 weights = recipe.scene_weights
                 source = Folders(scenes, needs, side_px=side_px, weights=weights, device=device)
                 on_disk.append((source, data.share))
+                for doubt in source.doubts:
+                    say(f"warning: {doubt}")
     problems.raise_any()
     kinds = [(data.rendered(), data.share) for data in recipe.data if data.generator is not None]
 

@@ -119,7 +119,7 @@ class Run:
                 f"--set shards={team.size}"
             )
         mine = range(team.rank, recipe.shards, team.size)
-        self.batches = batches_of(recipe, mine, device=str(self.device))
+        self.batches = batches_of(recipe, mine, device=str(self.device), say=say)
         check_writable(folder)
         torch.manual_seed(recipe.seed)
         self.net = recipe.network()

@@ -28,6 +28,9 @@ STEPS_PER_POOL = 16
 SLOTS = 8
 """So many pools are in use, in turn: steps that see the same scenes lie so far apart."""
 
+MIRRORED = ("kitchen", "museum", "vinyl")
+"""HCI's scenes with mirrors."""
+
 CROP_FREEDOM_PX = 16
 """Rendered scenes are larger than a patch by this much."""
 
@@ -160,11 +163,19 @@ class Folders:
         device: str = "cpu",
     ) -> None:
         self.scenes: list[Patch] = []
+        self.doubts: list[str] = []
+        """About the scenes, for people."""
         self.device = device
         problems = Problems()
         for folder in folders:
             with problems.gather():
-                self.scenes.append(_read_scene(folder, needs, side_px))
+                lf = read_light_field(folder)
+                self.scenes.append(_scene(folder, lf.central(needs.grid), needs, side_px))
+                if folder.stem in MIRRORED and "invalid" not in lf.masks:
+                    self.doubts.append(
+                        f"{folder}: no mask of its mirrors (invalid_mask.png, or the reference "
+                        "code's input_Cam040_invalid_ver2.png), so that they are trained on"
+                    )
         problems.raise_any()
         self._weights = torch.tensor(
             [
@@ -190,8 +201,7 @@ def _piece(g: Generator, scene: Patch, side_px: int) -> Patch:
     return scene.mapped(lambda image: image[..., y : y + side_px, x : x + side_px], lambda o: o)
 
 
-def _read_scene(folder: Path, needs: Needs, side_px: int) -> Patch:
-    lf = read_light_field(folder).central(needs.grid)
+def _scene(folder: Path, lf: LightField, needs: Needs, side_px: int) -> Patch:
     problems = Problems()
     if min(lf.size) < side_px:
         problems.append(
