@@ -14,8 +14,10 @@ from typing import Any
 
 from benchmarks.peers.keras_epinet import REQUIREMENT
 from benchmarks.peers.methods import OURS
-from benchmarks.peers.tables import markdown
+from benchmarks.peers.tables import SCORES, markdown
 from benchmarks.stated_ranges import KEPT, note
+from epinet.benchmark.published import CLAIM, METRICS, MISSING, PUBLISHED
+from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.synth.generator import VERSION
 
 ROOT = Path(__file__).parent.parent
@@ -119,8 +121,24 @@ def paper_tables() -> Iterator[str]:
             yield f"This table is older than the scenes of {VERSION}: to be measured anew."
 
 
+def figures() -> Iterator[str]:
+    yield "### Figures 1, 7 and 8: accuracy, rank and run time"
+    yield (
+        "Published means of the benchmark's twelve scenes, on the site and by the methods' "
+        "authors, and run times on their own machines; `epinet evaluate` draws the figures with "
+        f"one's own maps, on the scenes that are there. {CLAIM} {MISSING}"
+    )
+    lines = [["method", *SCORES.values(), "s", "source"]]
+    lines.append(["---"] * len(lines[0]))
+    for other in PUBLISHED:
+        known = [*(other.mean(metric, BENCHMARK_SCENES) for metric in METRICS), other.seconds]
+        cells = ["-" if figure is None else f"{figure:g}" for figure in known]
+        lines.append([other.name, *cells, other.source])
+    yield "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
 def page() -> str:
-    return "\n\n".join([HEAD, *peers(), *paper_tables()]) + "\n"
+    return "\n\n".join([HEAD, *peers(), *paper_tables(), *figures()]) + "\n"
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from epinet import __version__
 from epinet.benchmark import figures, scene_cards
 from epinet.benchmark.evaluate import Evaluation
 from epinet.benchmark.html_table import html_table, lowest
-from epinet.benchmark.published import METRICS, PUBLISHED
+from epinet.benchmark.published import CLAIM, METRICS, MISSING, PUBLISHED
 from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.benchmark.standing import (
     Ranking,
@@ -132,7 +132,7 @@ def _accuracy_and_time(evaluation: Evaluation) -> str:
     return (
         f'<p>{OFFICIAL}</p><div class="figures"><figure>{first}</figure>'
         f"<figure>{second}</figure></div><p>Left, accuracy against run time (the paper's figure "
-        f"1). {over} Right, run times (its figure 8).</p>"
+        f"1). {over} Right, run times (its figure 8). {CLAIM}</p>"
     )
 
 
@@ -189,7 +189,8 @@ def _published_means() -> str:
         known = [*(other.mean(metric, BENCHMARK_SCENES) for metric in METRICS), other.seconds]
         rows.append([other.name, other.source, *(ABSENT if f is None else f"{f:g}" for f in known)])
     table = html_table(["method", "source", *scores], rows, left=2)
-    return f"<h3>Published means of the benchmark's 12 scenes</h3>{table}"
+    title = "<h3>Published means of the benchmark's 12 scenes</h3>"
+    return f"{title}{table}<p>{CLAIM} {MISSING}</p>"
 
 
 def _all_scores(evaluation: Evaluation) -> str:
