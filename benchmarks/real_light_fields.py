@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.stated_ranges import KEPT
 from epinet.io import read_light_field, read_pfm
 from epinet.metrics.disparity import BORDER_PX, score
 from epinet.model.checkpoint import MODELS, load_weights
@@ -71,6 +72,7 @@ def examine(name: str, folder: Path, out: Path, options: list[str]) -> dict[str,
     ours = read_pfm(out / name / "disparity.pfm")
     run = json.loads((out / name / "run.json").read_text())
     report |= {"seconds": run["seconds"], "disparity_px": run["disparity_px"]}
+    report[KEPT] = run["settings"]["stated_px"] is not None
     report["median_confidence"] = round(run["median_confidence"], 3)
     lf = read_light_field(folder / name)
     if lf.truth is not None:

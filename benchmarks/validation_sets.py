@@ -22,6 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.stated_ranges import KEPT, kept
 from benchmarks.truth import judged_truth
 from epinet import load_model, read_light_field
 from epinet.metrics.disparity import score
@@ -43,24 +44,30 @@ Maps = dict[str, NDArray[np.float32]]
 
 
 def scores_of(
-    model: Estimator, folder: Path, scale: int = 1, maps: Maps | None = None
+    model: Estimator, folder: Path, bounded: list[bool], scale: int = 1, maps: Maps | None = None
 ) -> dict[str, float]:
-    """Scores of one scene; its map goes into `maps`."""
+    """Scores of one scene; its map goes into `maps`, whether a range was used into `bounded`."""
     lf = read_light_field(folder)
     truth = judged_truth(folder, lf)
     assert truth is not None
-    disparity = model.predict(lf, scale=scale).disparity
+    result = model.predict(lf, scale=scale)
+    bounded.append(kept(result))
     if maps is not None:
-        maps[folder.name] = disparity
-    return score(disparity, truth)
+        maps[folder.name] = result.disparity
+    return score(result.disparity, truth)
 
 
 def mean(each: list[dict[str, float]]) -> dict[str, float]:
     return {key: round(sum(s[key] for s in each) / len(each), 3) for key in each[0]}
 
 
-def score_all(model: str, rendered: Path, traced: Path, maps: Maps) -> dict[str, Any]:
-    """Scores of a model's shipped weights, by set and part; `maps` gets those to be shown."""
+def score_all(
+    model: str, rendered: Path, traced: Path, maps: Maps, bounded: list[bool]
+) -> dict[str, Any]:
+    """Scores of a model's shipped weights, by set and part.
+
+    `maps` gets those to be shown, `bounded` of each whether it was kept within a stated range.
+    """
     estimator = load_model(model=model)
     parts = defaultdict(list)
     for part, scenes in validation_parts().items():
@@ -68,11 +75,13 @@ def score_all(model: str, rendered: Path, traced: Path, maps: Maps) -> dict[str,
         for k in range(len(scenes)):
             folder = rendered / f"{part}_{k}"
             shown = maps if part in PICTURED else None
-            parts[part].append(scores_of(estimator, folder, scale, shown))
+            parts[part].append(scores_of(estimator, folder, bounded, scale, shown))
     names = json.loads((traced / "dataset.json").read_text())["scenes"]
     return {
         "rendered": {part: mean(each) for part, each in parts.items()},
-        "path-traced": {name: mean([scores_of(estimator, traced / name)]) for name in names},
+        "path-traced": {
+            name: mean([scores_of(estimator, traced / name, bounded)]) for name in names
+        },
     }
 
 
@@ -105,13 +114,17 @@ def main() -> None:
     rendered = validation_folder()
     traced = args.pathtraced or rendered.parent / "pathtraced"
     maps: dict[str, Maps] = {model: {} for model in MODELS}
-    models = {model: score_all(model, rendered, traced, maps[model]) for model in MODELS}
+    bounded: dict[str, list[bool]] = {model: [] for model in MODELS}
+    models = {
+        model: score_all(model, rendered, traced, maps[model], bounded[model]) for model in MODELS
+    }
     if args.picture:
         save_picture(args.picture, rendered, maps)
     report = {
         "machine": args.machine,
         "generator": VERSION,
         "weights": {n: load_weights(n).sha256 for n in ("sweepnet", "epinet_9x9")},
+        KEPT: bounded,
         "models": models,
     }
     args.output.write_text(json.dumps(report, indent=1) + "\n")

@@ -15,6 +15,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from benchmarks.stated_ranges import KEPT, note
 from epinet.model.checkpoint import load_weights, shipped_weights
 from epinet.synth.generator import VERSION
 
@@ -111,11 +112,13 @@ def draw_progress(path: Path) -> None:
 
 def real() -> Iterator[str]:
     report = read("real_light_fields")
+    bounded = {m: [r.get(KEPT) for r in of.values()] for m, of in report["models"].items()}
     yield "## Real light fields"
     yield (
         f"`python -m benchmarks.real_light_fields FOLDER` on {report['machine']}. Nothing is "
         "trained on them. The references are the maps of the reference implementation; mirrors are "
-        "left out on `kitchen`. Time and memory are those of the whole command."
+        "left out on `kitchen`. Time and memory are those of the whole command. "
+        f"{note(bounded)} Of these, `kitchen` alone states one."
     )
     rows = []
     for model, reports in report["models"].items():
@@ -138,9 +141,9 @@ def validation() -> Iterator[str]:
         f"`python -m benchmarks.validation_sets -o FILE` on {report['machine']}; what the parts "
         "are: [scenes](scenes.md). "
         "Mirrors and panes are left out everywhere but in "
-        "`reflective` and `mirrors`. EPINET sees the part `wide` at a seventh of its size. Maps "
-        "stay within the range that a scene states, as `predict` has it; here that is exactly its "
-        "truth's, where the benchmark's scenes state theirs to a tenth of a pixel."
+        "`reflective` and `mirrors`. EPINET sees the part `wide` at a seventh of its size. "
+        f"{note(report.get(KEPT, {}))} Stated is exactly the range of the truth here, to a "
+        "tenth of a pixel in the benchmark's scenes."
     )
     models = report["models"]
     first, second = models

@@ -425,6 +425,11 @@ def demo_over_other_things(folder):
     return ["demo", "-o", folder]
 
 
+@case("--range -1,1 and --no-range exclude each other")
+def range_that_is_none(folder):
+    return predicts(scene(folder), "--range", "-1,1", "--no-range")
+
+
 def synth(folder: Path, *more: object, scenes: int = 1) -> list[object]:
     return ["synth", folder / "set", "--scenes", scenes, "--size", "32x24", *more]
 

@@ -82,8 +82,8 @@ BUDGETS = {
         changes={"validate_every": 300},
     ),
     "days": Budget(
-        "The paper's own optimisation; meant for days on GPUs.",
-        steps=1_000_000,
+        "The paper's own optimisation and length; meant for days on GPUs.",
+        steps=10_000_000,
         seeds=3,
         base=None,
         changes={"validate_every": 20_000},

@@ -25,9 +25,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.peers import keras_epinet
-from benchmarks.peers.methods import KERAS, METHODS, disparity_range
+from benchmarks.peers.methods import KERAS, METHODS, OURS, disparity_range
 from benchmarks.peers.picture import save_picture
 from benchmarks.peers.tables import markdown
+from benchmarks.stated_ranges import KEPT
 from benchmarks.truth import judged_truth
 from epinet.errors import InputError
 from epinet.io import read_light_field
@@ -62,6 +63,8 @@ class Runner:
             key: round(statistics.median(printed[key]), 3) for key in ("seconds", "cpu_s")
         }
         report["peak_memory_mb"] = round(printed["peak_memory_mb"])
+        if method in OURS:
+            report[KEPT] = printed[KEPT]
         truth = judged_truth(scene, lf)
         if truth is not None:
             report["scores"] = {k: round(v, 4) for k, v in score(np.load(map_file), truth).items()}

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import epinet
 from benchmarks.peers import plane_sweep, structure_tensor
+from benchmarks.stated_ranges import kept
 from epinet.inspect import estimate_range
 from epinet.lightfield import LightField
 from epinet.predict.estimator import search_range
@@ -20,15 +21,22 @@ CLASSICAL = {
     "plane sweep": plane_sweep.estimate,
 }
 METHODS = (*CLASSICAL, KERAS, *OURS)
+Estimate = tuple[NDArray[np.float32], bool | None]
+"""A map, and of ours whether it was kept within the range that the scene states."""
 
 
-def estimator(method: str) -> Callable[[LightField], NDArray[np.float32]]:
+def estimator(method: str) -> Callable[[LightField], Estimate]:
     """A method that is ready to run; its weights are loaded."""
     if method in OURS:
         model = epinet.load_model(model=OURS[method], device="cpu")
-        return lambda lf: model.predict(lf).disparity
+
+        def predict(lf: LightField) -> Estimate:
+            result = model.predict(lf)
+            return result.disparity, kept(result)
+
+        return predict
     estimate = CLASSICAL[method]
-    return lambda lf: estimate(lf, disparity_range(lf))
+    return lambda lf: (estimate(lf, disparity_range(lf)), None)
 
 
 def disparity_range(lf: LightField) -> tuple[float, float]:

@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epinet.benchmark.evaluate import enlarge
+from epinet.benchmark.evaluate import Method, enlarge, evaluate
 from epinet.benchmark.maps import MapFile, find_maps
 from epinet.benchmark.methods import named_targets, prepare
+from epinet.benchmark.page import render
 from epinet.benchmark.scenes import find_scenes
+from epinet.benchmark.table import as_json, text_tables
 from epinet.errors import InputError
 from epinet.io import read_light_field, write_light_field, write_pfm
 from epinet.io.images import write_png
@@ -163,10 +165,10 @@ def test_masks_of_another_size_are_told(add_scene, evaluated):
         evaluated({"m": {"a": MAP}})
 
 
-def write_result(folder: Path, step: int = 1) -> None:
+def write_result(folder: Path, **settings: object) -> None:
     write_pfm(folder / "disparity.pfm", MAP)
     np.save(folder / "disparity.npy", MAP)
-    run = {"settings": {"step": step}, "seconds": {"prepare": 0.5, "network": 1.0}}
+    run = {"settings": {"step": 1} | settings, "seconds": {"prepare": 0.5, "network": 1.0}}
     (folder / "run.json").write_text(json.dumps(run))
 
 
@@ -184,6 +186,26 @@ def test_maps_of_every_form_are_found(tmp_path):
         file = find_maps(folder, {"a": SIZE})["a"]
         np.testing.assert_array_equal(file.read(SIZE), MAP)
         assert file.seconds == (None if name in ("pfm", "npy") else 1.5)
+
+
+def test_maps_say_whether_they_were_kept_within_the_stated_range(tmp_path, add_scene):
+    for name, settings in {"a": {"stated_px": [-1, 1]}, "b": {"stated_px": None}, "c": {}}.items():
+        add_scene(name)
+        write_result(tmp_path / "maps" / name, **settings)
+        write_pfm(tmp_path / "theirs" / f"{name}.pfm", MAP)
+    scenes = find_scenes(tmp_path / "data")
+    sizes = {scene.name: scene.size for scene in scenes}
+    found = find_maps(tmp_path / "maps", sizes)
+    assert [found[name].bounded for name in "abc"] == [True, False, None]
+    theirs = find_maps(tmp_path / "theirs", sizes)
+    methods = [Method("ours", "", found), Method("theirs", "", theirs)]
+    says = "of disparities: {} of ours, not recorded of theirs."
+    for chosen, count in ((scenes, "not recorded"), (scenes[:2], "1 of 2"), (scenes[1:2], "none")):
+        scored = evaluate(methods, chosen, benchmark_metrics())
+        assert says.format(count) in text_tables(scored)
+        assert says.format(count) in render(scored)
+    kept = json.loads(as_json(scored))["kept_within_stated_range"]
+    assert kept == {"ours": {"b": False}, "theirs": {"b": None}}
 
 
 def test_everything_wrong_with_maps_is_told_at_once(tmp_path):

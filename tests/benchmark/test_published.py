@@ -1,8 +1,10 @@
 """The published figures agree with themselves."""
 
+import re
+
 import pytest
 
-from epinet.benchmark.published import METRICS, PUBLISHED
+from epinet.benchmark.published import METRICS, MISSING, PUBLISHED
 from epinet.benchmark.scenes import BENCHMARK_SCENES
 
 
@@ -29,3 +31,10 @@ def test_a_mean_needs_every_scene():
     assert fcn.mean("badpix_0.07", ("boxes", "antinous")) is None
     assert fcn.mean("badpix_0.03", ("boxes",)) is None
     assert fcn.mean("badpix_0.03", BENCHMARK_SCENES) == 10.745
+
+
+def test_what_is_not_at_hand_is_named():
+    """Methods without scores or run time; the page says so beside the table."""
+    scores, times = MISSING.split(", the scores of ")[1].split(", and the run times of ")
+    assert {m.name for m in PUBLISHED if not m.means} == set(re.split(", | and ", scores))
+    assert {m.name for m in PUBLISHED if m.seconds is None} == set(times.rstrip(".").split(" and "))

@@ -11,6 +11,7 @@ import torch
 from PIL import Image
 
 import epinet
+from epinet.benchmark.scenes import scene_folders
 from epinet.errors import InputError
 from epinet.io import read_pfm, write_light_field
 from epinet.lightfield import LightField
@@ -123,6 +124,21 @@ def test_a_folder_stands_for_the_light_fields_inside(lf, tmp_path):
     found = find_light_fields([tmp_path], say=remarks.append)
     assert [p.name for p in found] == ["flower_eslf.png", "stack.npz", "views"]
     assert [str(tmp_path / "other") in r for r in remarks] == [True]
+
+
+def test_light_fields_may_be_sorted_into_folders(lf, tmp_path):
+    """As `evaluate` finds the benchmark's; but what lies in results there is none."""
+    for name in ("boxes", "training/cotton", "too/deep/dots"):
+        write_light_field(tmp_path / name, lf, "hci")
+    (tmp_path / "out" / "boxes").mkdir(parents=True)
+    np.save(tmp_path / "out" / "boxes" / "disparity.npy", lf.views[0, 0, ..., 0])
+    remarks = []
+    found = find_light_fields([tmp_path], say=remarks.append)
+    assert sorted(p.name for p in found) == sorted(scene_folders(tmp_path))
+    assert {p.name for p in found} == {"boxes", "cotton"}
+    assert len(remarks) == 2
+    assert f"left out: {tmp_path / 'out'} " in remarks[0]
+    assert f"left out: {tmp_path / 'too'} " in remarks[1]
 
 
 def test_a_changed_input_is_predicted_again(estimator, lf, tmp_path):

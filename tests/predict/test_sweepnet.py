@@ -12,8 +12,10 @@ from epinet.angular import SYMMETRIES, direction_positions
 from epinet.errors import InputError
 from epinet.inspect import estimate_range
 from epinet.lightfield import LightField
+from epinet.model.checkpoint import Weights
+from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.predict import tiling
-from epinet.predict.estimator import _by_sweepnet, search_range
+from epinet.predict.estimator import Estimator, _by_sweepnet, search_range
 from epinet.predict.tiling import run_overlapping
 from epinet.synth.generator import render_scene
 from epinet.synth.options import RANGES_PX, Faults, Options
@@ -105,6 +107,31 @@ def test_the_map_stays_within_the_range_that_is_stated(model, scene):
     assert not any("stated" in w for w in model.predict(scene).warnings)
 
 
+def test_the_map_need_not_stay_within_the_range(model, scene):
+    camera = replace(scene.camera, disparity_min_px=-0.5, disparity_max_px=0.5)
+    free = model.predict(replace(scene, camera=camera), bounded=False)
+    unstated = model.predict(replace(scene, camera=None))
+    np.testing.assert_array_equal(free.disparity, unstated.disparity)
+    assert free.settings["stated_px"] is None and not any("stated" in w for w in free.warnings)
+
+
+def test_epinets_map_is_bounded_only_where_that_is_asked_for(scene):
+    """Its published scores know no range."""
+    net = Epinet(EpinetConfig(views=9, stream_width=4))
+    torch.nn.init.constant_(net.head[2].bias, 3.0)
+    estimator = Estimator(Weights(net.eval(), {}, "made here"))
+    camera = replace(scene.camera, disparity_min_px=-0.5, disparity_max_px=0.5)
+    stated = replace(scene, camera=camera)
+    free = estimator.predict(stated)
+    assert free.disparity.max() > 2 and free.settings["stated_px"] is None
+    for result in (
+        estimator.predict(stated, bounded=True),
+        estimator.predict(replace(scene, camera=None), range_px=(-0.5, 0.5)),
+    ):
+        np.testing.assert_allclose(result.disparity, free.disparity.clip(-0.6, 0.6))
+        assert result.settings["stated_px"] == [-0.5, 0.5]
+
+
 @pytest.mark.parametrize("symmetry", (SYMMETRIES[1], SYMMETRIES[4]), ids=str)  # generators
 def test_the_ensemble_of_turned_views_is_the_turned_ensemble(model, scene, symmetry):
     net = model.weights[0].net
@@ -188,5 +215,3 @@ def test_a_stated_range_is_what_is_looked_for(model, scene):
     assert np.median(np.abs(far[100:-100, 100:-100] + 40.3)) < 0.1
     with pytest.raises(InputError, match="a lesser and a greater disparity, not 2,-2"):
         model.predict(scene, range_px=(2, -2))
-    with pytest.raises(InputError, match="EPINET looks for"):
-        epinet.load_model(model="epinet").predict(scene, range_px=(-2, 2))

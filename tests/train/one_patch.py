@@ -70,8 +70,8 @@ def flip(patch: Patch, choice: Tensor) -> Patch:
 def sign_reversal(patch: Patch, choice: Tensor) -> Patch:
     if not choice:
         return patch
-    reversed_ = patch.mapped(lambda image: image, lambda o: (-o[0], -o[1]))
-    return replace(reversed_, disparity=-patch.disparity)
+    reversed_ = patch.mapped(lambda image: image.flip(-1), lambda o: (-o[0], o[1]))
+    return replace(reversed_, disparity=-reversed_.disparity)
 
 
 def scale(patch: Patch, choice: Tensor) -> Patch:

@@ -20,9 +20,11 @@ from epinet.train.augment import (
     Rotation,
     Scale,
     SignReversal,
+    TurnOrFlip,
     ViewShift,
 )
 from epinet.train.patches import Frames, LightFields, Patches, gray
+from epinet.train.recipe_files import load_recipe
 from epinet.train.sources import Needs
 from tests.train.one_patch import AUGMENTED, Patch
 
@@ -136,6 +138,28 @@ def test_rotations_and_flips_are_the_symmetries_of_the_square(scene):
     assert not same(made(scene, flip), upright)
 
 
+def test_a_flip_of_the_paper_is_a_mirror_image_of_reversed_sign(scene):
+    """Mirrored left-right as our flips do it, but for its grid, turned by half a turn."""
+    reversed_ = made(scene, (SignReversal(), 1))
+    mirrored = made(scene, (Rotation(), 1), (Flip(), 1))
+    upright = made(scene)
+    assert torch.equal(
+        mirrored.views[0, STAR.index((1, 1))], upright.views[0, STAR.index((1, -1))].flip(-1)
+    )
+    turned = [STAR.index((-row, -col)) for row, col in STAR]
+    assert torch.equal(reversed_.views, mirrored.views[:, turned])
+    assert torch.equal(reversed_.disparity, -mirrored.disparity)
+    assert torch.equal(reversed_.usable, mirrored.usable)
+
+
+def test_a_turn_or_flip_of_the_reference_code_is_one_of_five(scene):
+    for k in range(4):
+        assert same(made(scene, (TurnOrFlip(), k)), made(scene, (Rotation(), k)))
+    assert same(made(scene, (TurnOrFlip(), 4)), made(scene, (Flip(), 1)))
+    odds = np.bincount(TurnOrFlip().draw(generator(1), 2000)) / 2000
+    assert np.allclose(odds, 0.2, atol=0.04)
+
+
 def test_what_is_done_can_be_undone(scene):
     upright = made(scene)
     assert same(made(scene, (SignReversal(), 1), (SignReversal(), 1)), upright)
@@ -176,6 +200,7 @@ CASES = [
     *((ViewShift(), shift) for shift in SHIFTS),
     *((Rotation(), quarters) for quarters in range(4)),
     *((Flip(), choice) for choice in (0, 1)),
+    *((TurnOrFlip(), choice) for choice in range(5)),
     *((SignReversal(), choice) for choice in (0, 1)),
     (Scale(), 2),
     (GrayWeights(), torch.tensor([0.1, 0.2, 0.7])),
@@ -247,70 +272,22 @@ def test_gray_weights_are_one_mixture_for_all_views(scene):
     assert np.allclose(luma, 0.299 * red + 0.587 * green + 0.114 * blue, atol=1e-6)
 
 
-def test_choices_are_those_of_the_paper():
-    """288 = 9 view shifts x 4 rotations x 2 flips x 4 scales, and the ranges of colour."""
+def test_the_papers_augmentations_make_288_light_fields_of_one(scene):
+    """As its section 3.3 has it for views of 7x7: every combination of the recipe's, all unlike."""
     g = generator(2)
+    changes = [a for a in load_recipe("paper-7x7").chosen_augmentations() if not a.photometric]
+    frames = whole(scene)
+    for augmentation in changes:
+        choices = augmentation.draw(g, 300).unique(dim=0)
+        count = len(frames.scene)
+        frames = frames[torch.arange(count).repeat_interleave(len(choices))]
+        frames = augmentation.apply(frames, choices.repeat(count, *[1] * (choices.ndim - 1)))
+    assert len(frames.scene) == 288
 
-    def seen(augmentation) -> set:
-        return set(augmentation.draw(g, 300).tolist())
+    def seen(k: int) -> bytes:
+        """What the network sees and learns: the 3x3 star, in order, and the truth."""
+        one = frames[torch.tensor([k])]
+        patch = scene.cut(one, STAR)
+        return b"".join(t.numpy().tobytes() for t in (patch.views, patch.disparity))
 
-    assert set(map(tuple, ViewShift().draw(g, 300).tolist())) == set(SHIFTS)
-    assert seen(Rotation()) == {0, 1, 2, 3}
-    assert seen(Flip()) == seen(SignReversal()) == {0, 1}
-    assert seen(Scale((1, 1, 1, 1))) == {1, 2, 3, 4}
-    odds = Scale((8, 6, 3)).draw(g, 4000)
-    assert np.allclose(np.bincount(odds)[1:] / 4000, np.array([8, 6, 3]) / 17, atol=0.03)
-    factors = sorted(seen(ColourScale()))
-    assert 0.5 <= factors[0] < 0.55
-    assert 1.9 < factors[-1] <= 2
-    powers = sorted(seen(Gamma()))
-    assert 0.8 <= powers[0] < 0.82
-    assert 1.18 < powers[-1] <= 1.2
-
-
-def test_photometric_augmentations_come_last_and_leave_the_truth_alone(scene):
-    flags = [a.photometric for a in AUGMENTATIONS.values()]
-    assert flags == sorted(flags)
-    upright = made(scene)
-    for augmentation in AUGMENTATIONS.values():
-        if augmentation.photometric:
-            patches = made(scene, (augmentation, augmentation.draw(generator(3), 1)[0]))
-            assert torch.equal(patches.disparity, upright.disparity)
-            assert not torch.equal(patches.views, upright.views)
-
-
-def test_the_noise_that_a_patch_states_is_that_of_its_views():
-    """Whatever changes of colour come before: on plain grey, against the spread of the pixels."""
-    shape = (1, 256, 256)
-    plain = Patches(
-        torch.full((1, 1, 3, 256, 256), 0.3),
-        torch.zeros(shape),
-        torch.ones(shape, dtype=torch.bool),
-        centre=0,
-    )
-    noisy = CameraFaults(replace(Faults.none(), noise=1.0, full=True))
-    choices = {"gray_weights": torch.tensor([0.2, 0.5, 0.3]), "colour_scale": 2.0, "gamma": 0.8}
-    patches = plain
-    for augmentation in AUGMENTATIONS.values():
-        if augmentation.name in choices:
-            choice = torch.as_tensor(choices[augmentation.name])[None]
-            patches = augmentation.apply(patches, choice)
-        elif augmentation.name == noisy.name:
-            patches = noisy.apply(patches, torch.tensor([7]))
-    assert patches.noise is not None and patches.noise.mean() > 0.005
-    assert float(patches.views.std()) == pytest.approx(float(patches.noise.mean()), rel=0.05)
-
-
-def test_each_patch_of_a_batch_has_a_camera_of_its_own():
-    """Gain, noise and its place in the picture: patches of one grey come out all different."""
-    shape = (4, 40, 40)
-    gray_ = Patches(
-        torch.full((4, 9, 1, 40, 40), 0.4), torch.zeros(shape), torch.ones(shape).bool(), 4
-    )
-    faults = CameraFaults(replace(Faults.none(), vignetting=1.0, full=True))
-    views = faults.apply(gray_, faults.draw(generator(1), 4)).views
-    for a, b in itertools.combinations(range(4), 2):
-        slopes = [v[4, 0].diff(dim=-1).mean() for v in (views[a], views[b])]
-        assert (slopes[0] - slopes[1]).abs() > 1e-6
-    again = faults.apply(gray_, faults.draw(generator(1), 4)).views
-    assert torch.equal(views, again)
+    assert len({seen(k) for k in range(288)}) == 288

@@ -8,7 +8,7 @@ import torch
 
 from epinet.angular import CENTRAL_NINE, direction_positions
 from epinet.model.sweepnet import searched
-from epinet.train.augment import AUGMENTATIONS, ViewShift
+from epinet.train.augment import AUGMENTATIONS, ColourScale, GrayWeights, ViewShift
 from epinet.train.batches import TRIES, Batches, Cut, batches_of, textured
 from epinet.train.information import WINDOW_PX
 from epinet.train.patches import Frames, LightFields
@@ -204,6 +204,27 @@ def test_places_that_find_nothing_take_what_others_found():
     assert (nothing.weight == 0).all()
 
 
+def test_texture_is_judged_in_the_gray_that_the_network_sees():
+    """Green texture is none to a mixture of red and blue; exposure makes none."""
+    rough = torch.rand(23, 23, generator=torch.Generator().manual_seed(1))
+    green = torch.stack([torch.full_like(rough, 0.5), rough, torch.full_like(rough, 0.5)])
+    grays = made_of(3, rough)
+    coloured = green.expand(1, len(grays.offsets), -1, -1, -1).contiguous()
+    scene = replace(grays, views=coloured)
+
+    class Without(GrayWeights):
+        def draw(self, g, count):
+            return torch.tensor([[0.5, 0.0, 0.5]]).expand(count, 3).clone()
+
+    for augmentations, accepted in (
+        ([], 1),
+        ([Without()], 0),
+        ([ColourScale((1e-3, 2e-3))], 1),
+    ):
+        batch = Batches(plain(), Fixed(scene), augmentations, seed=1)(0)
+        assert (batch.weight == accepted).all()
+
+
 def test_our_recipe_keeps_every_patch_and_weighs_its_pixels():
     rough = torch.rand(60, 60, generator=torch.Generator().manual_seed(1))
     image = torch.where(torch.arange(60) < 30, torch.full((60, 60), 0.5), rough)
@@ -251,7 +272,8 @@ def test_every_augmentation_of_a_recipe_reaches_its_batches(monkeypatch):
 
 
 def test_the_largest_scale_fits_what_is_rendered():
-    recipe = load_recipe("paper-wide", OURS | {"augmentations": ["scale"]})
+    wide = {"data": [{"generator": "wide"}], "scale_weights": [0, 0, 0, 0, 0, 1]}
+    recipe = load_recipe("paper-9x9", OURS | wide | {"augmentations": ["scale"]})
     batch = batches_of(recipe, [0])[0](0)
     assert batch.stacks.shape[-1] == 26
     assert isinstance(recipe, Recipe)

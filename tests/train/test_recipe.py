@@ -20,7 +20,7 @@ def test_every_shipped_recipe_is_whole_and_described():
         assert recipe.name == name
         assert len(recipe.about) > 20
         assert Recipe(**recipe.as_dict()) == recipe
-    assert {"paper-9x9", "paper-7x7", "paper-wide", "fast-9x9", "fast-7x7", "fast-5x5"} <= names
+    assert {"paper-9x9", "paper-7x7", "fast-9x9", "fast-7x7", "fast-5x5"} <= names
 
 
 def test_the_papers_recipe_is_the_papers():
@@ -28,6 +28,7 @@ def test_the_papers_recipe_is_the_papers():
     assert (recipe.views, recipe.streams, recipe.batch, recipe.patch_px) == (9, 4, 16, 1)
     assert recipe.network().config.parameters == 5_118_681
     assert recipe.optimiser == "rmsprop"
+    assert recipe.steps == Recipe().steps == 10_000_000  # figure 3's caption
     assert recipe.rate(0) == pytest.approx(1e-5)
     assert recipe.rate(recipe.steps) == pytest.approx(1e-6)
     assert recipe.texture_threshold == 0.02
@@ -35,8 +36,16 @@ def test_the_papers_recipe_is_the_papers():
     assert not recipe.local_contrast
     assert load_recipe("paper-7x7").shifted
     assert load_recipe("paper-5x5").shifted  # the reference code's 5-view run has no shift
+
+
+def test_the_recipe_of_the_reference_code_is_its():
     code = load_recipe("paper-code-9x9")
     assert (code.patch_px, code.texture_threshold, code.rate(999)) == (3, 0.01, 1e-4)
+    names = [a.name for a in code.chosen_augmentations()]
+    assert names == ["turn_or_flip", "scale", "gray_weights", "gamma"]
+    assert code.scale_weights == (8, 6, 3)
+    assert code.scene_weights == dict.fromkeys(("kitchen", "museum", "vinyl"), 0.25)
+    assert code.paced_by_steps == []
 
 
 @pytest.mark.parametrize(("name", "streams"), [("paper-1-stream", 1), ("paper-2-streams", 2)])
@@ -81,6 +90,18 @@ def test_values_can_be_changed_by_name():
     assert "rotation" in recipe.augmentations
 
 
+def test_data_that_is_a_range_and_a_folder_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert changed_recipe("fast-9x9", [], ["hci"], []).data[0].generator == "hci"
+    (tmp_path / "hci").mkdir()
+    with pytest.raises(InputError, match=r"--data hci: .*--data \./hci .*generator: hci"):
+        changed_recipe("fast-9x9", [], ["hci"], [])
+    (folder,) = changed_recipe("fast-9x9", [], ["./hci"], []).folders
+    assert folder.resolve() == tmp_path / "hci"
+    (rendered,) = changed_recipe("fast-9x9", ["data=[{generator: hci}]"], [], []).data
+    assert rendered.generator == "hci"
+
+
 def test_a_recipe_file_may_be_based_on_another(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("base: paper-9x9\nbatch: 4\nlearning_rate: 1e-3\n")
@@ -121,6 +142,7 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
         (["data=[{folder: x, disparity_px: [1, -1]}]"], "disparity_px: the range is empty"),
         (["learning_rate=.inf"], "learning_rate: Input should be a finite number"),
         (["data=[{generator: hci, share: .inf}]"], "data.0.share: Input should be a finite number"),
+        (["scene_weights={vinyl: -1}"], "scene_weights.vinyl: .*greater than or equal to 0"),
         (["mirror_weight=0.1"], "mirror_weight: takes a least_weight and rendered scenes"),
         (["batch=6", "large_patches=0.5"], r"a batch of 1\.5 large patches \(a quarter of 6\)"),
     ],
@@ -188,8 +210,9 @@ def test_the_command_lists_them():
 
 def test_limits_are_those_of_what_is_shown():
     """Sign reversal shows the range mirrored, too, scale a part of it."""
-    assert load_recipe("paper-wide").limits_px == pytest.approx((-25 / 6, 25 / 6))
-    upright = changed_recipe("paper-wide", [], [], ["sign_reversal"])
+    wide = {"data": [{"generator": "wide"}], "scale_weights": [0, 0, 0, 0, 0, 1]}
+    assert load_recipe("paper-9x9", wide).limits_px == pytest.approx((-25 / 6, 25 / 6))
+    upright = load_recipe("paper-9x9", wide | {"augmentations": ["scale"]})
     assert upright.limits_px == pytest.approx((-25 / 6, 5 / 6))
     both = {"data": [{"generator": "narrow"}, {"folder": "x", "disparity_px": [-2, 0.5]}]}
     assert load_recipe("fast-9x9", both).limits_px == (-2, 1)

@@ -433,6 +433,54 @@ def test_what_cannot_be_continued(tmp_path, run):
             run(tmp_path)
 
 
+STEADY = TINY.model_copy(
+    update={
+        "decay": "constant",
+        "widening": 0.0,
+        "fixed_norms_from": None,
+        "optimiser": "adamw",
+        "steps": 4,
+    }
+)
+
+
+def test_a_run_at_a_constant_rate_can_be_made_longer(tmp_path, run):
+    """Which then is the run that was meant to be so long from the start."""
+    assert STEADY.paced_by_steps == []
+    for steps in (2, 4):
+        run(tmp_path / "parts", STEADY.model_copy(update={"steps": steps})).train()
+    run(tmp_path / "whole", STEADY).train()
+    assert same_weights(tmp_path / "parts", tmp_path / "whole")
+    with pytest.raises(InputError, match=r"has made 4 steps already, more than steps=3"):
+        run(tmp_path / "parts", STEADY.model_copy(update={"steps": 3}))
+
+
+@pytest.mark.parametrize(
+    ("paced", "value"), [("decay", "cosine"), ("widening", 0.4), ("fixed_norms_from", 0.3)]
+)
+def test_a_run_whose_pace_follows_from_its_length_cannot_be_made_longer(
+    tmp_path, run, paced, value
+):
+    recipe = STEADY.model_copy(update={paced: value, "steps": 1})
+    run(tmp_path, recipe).train()
+    message = rf"begun for 1 steps.* \({paced}={value}\); .*start={tmp_path}/weights.safetensors"
+    with pytest.raises(InputError, match=message):
+        run(tmp_path, recipe.model_copy(update={"steps": 2}))
+
+
+def test_a_run_of_an_older_version_goes_on(tmp_path, run):
+    """Whose recipe lacks a value that came since: it was made at what is now the default."""
+    recipe = STEADY.model_copy(update={"steps": 1})
+    run(tmp_path, recipe).train()
+    state = torch.load(tmp_path / "last.pt", weights_only=True)
+    del state["recipe"]["scene_weights"]
+    torch.save(state, tmp_path / "last.pt")
+    assert run(tmp_path, recipe).step == 1
+    weighted = recipe.model_copy(update={"scene_weights": {"vinyl": 0.5}})
+    with pytest.raises(InputError, match=r"scene_weights is .* there, .*vinyl.* here"):
+        run(tmp_path, weighted)
+
+
 def test_a_run_goes_on_with_the_scenes_that_it_was_validated_on(tmp_path, run, held_out):
     run(tmp_path).train()
     (scene,) = Validation.of_folders([held_out], views=3).scenes.values()
@@ -493,16 +541,22 @@ def test_processes_must_share_the_shards_evenly(tmp_path, run):
 
 
 def test_validation_scenes_are_not_training_scenes(tmp_path):
-    out = write_dataset(
-        tmp_path / "set", Options(size=(48, 48), views=3, samples=1), seed=1, scenes=1
-    )
+    """Sorted into folders as HCI's are, and every --validation counts."""
+    options = Options(size=(48, 48), views=3, samples=1)
+    scenes = [
+        write_dataset(tmp_path / "hci" / kind, options, seed, scenes=1)[0]
+        for seed, kind in enumerate(("training", "stratified"))
+    ]
+    scenes[1] = scenes[1].rename(scenes[1].parent / "another")
+    given = [f"--validation={scene.parent}" for scene in scenes]
     done = subprocess.run(
-        [*COMMAND, "--data", str(out[0]), "--validation", str(out[0].parent), "-o", str(tmp_path)],
+        [*COMMAND, f"--data={tmp_path / 'hci'}", *given, "-o", str(tmp_path / "run")],
         capture_output=True,
         text=True,
     )
     assert done.returncode == 2
-    assert f"{out[0]}: is trained on" in done.stderr
+    for scene in scenes:
+        assert f"{scene}: is trained on" in done.stderr
 
 
 def test_weights_may_keep_a_share_of_those_that_they_start_from(held_out, tmp_path):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from epinet.errors import InputError
 from epinet.io import read_light_field, read_pfm, write_light_field
@@ -14,6 +15,9 @@ from epinet.synth.dataset import write_dataset
 from epinet.synth.generator import draw_scene, generator
 from epinet.synth.options import Options
 from epinet.synth.render import truth
+from epinet.train.batches import batches_of
+from epinet.train.recipe import Data
+from epinet.train.recipe_files import load_recipe
 from epinet.train.sources import SLOTS, STEPS_PER_POOL, Folders, Mixed, Needs, Rendered
 
 
@@ -95,6 +99,43 @@ def test_truths_of_the_nine_central_views_come_from_their_files(scenes):
     assert not torch.allclose(found[0], found[8])
     assert read_pfm(scenes[1] / "gt_disp_lowres_Cam018.pfm").shape == (40, 48)
     assert len(list(scenes[1].glob("gt_disp_lowres_Cam*.pfm"))) == 8
+
+
+def test_scenes_are_drawn_by_their_weights(scenes):
+    """The quarter that the reference code gives to scenes with mirrors."""
+    g, names = generator(1), [scene.name for scene in scenes]
+
+    def drawn(weights) -> Counter:
+        source = Folders(scenes, Needs(views=3), side_px=24, weights=weights)
+        kept = [scene.disparity[0] for scene in source.scenes]
+        pieces = source.cut(0, source.draw(g, 0, torch.full((500,), 40)), [(0, 0)]).disparity
+        return Counter(
+            next(n for n, k in zip(names, kept, strict=True) if torch.isin(p, k).all())
+            for p in pieces
+        )
+
+    assert drawn({names[0]: 0.25})[names[0]] / 500 == pytest.approx(0.2, abs=0.05)
+    assert drawn({"elsewhere": 0.25})[names[0]] / 500 == pytest.approx(0.5, abs=0.06)
+    assert drawn({names[1]: 0.0})[names[1]] == 0
+    with pytest.raises(InputError, match="scene_weights: leave nothing of the scenes scene_00000"):
+        Folders(scenes[:1], Needs(views=3), side_px=24, weights={names[0]: 0.0})
+
+
+def test_mirrors_without_a_mask_are_told(scenes, tmp_path):
+    """Of HCI's scenes that have some; the reference code's own name of the mask will do."""
+    lf = replace(read_light_field(scenes[0]), masks={})
+    for name in ("kitchen", "museum", "boxes"):
+        write_light_field(tmp_path / name, lf, "hci")
+    alpha = np.zeros((*lf.size, 4), np.uint8)
+    alpha[5:9, 6:20, 3] = 1
+    Image.fromarray(alpha).save(tmp_path / "museum" / "input_Cam040_invalid_ver2.png")
+    recipe = load_recipe("paper-9x9", {"views": 3, "scale_weights": [1]})
+    recipe = recipe.model_copy(update={"data": (Data(folder=tmp_path),)})
+    told = []
+    batches_of(recipe, [0], say=told.append)
+    assert len(told) == 1 and "kitchen: no mask of its mirrors" in told[0]
+    (museum,) = Folders([tmp_path / "museum"], Needs(views=3), side_px=24).scenes
+    np.testing.assert_array_equal(~museum.usable[0, 0].numpy(), alpha[..., 3] > 0)
 
 
 def test_what_is_missing_is_named_all_at_once(scenes, tmp_path):

@@ -43,6 +43,16 @@ def test_scenes_that_cannot_score_are_named_before_training(scene, tmp_path):
     assert "unknown: no truth" in text and "black" in text and "(0, 0)" in text
 
 
+def test_scenes_of_one_name_are_refused(scene, tmp_path):
+    """One would take the other's place."""
+    folders = [tmp_path / kind / "boxes" for kind in ("a", "b")]
+    for folder in folders:
+        write_light_field(folder, scene, "hci")
+    assert len(Validation.of_folders(folders[:1], views=3).scenes) == 1
+    with pytest.raises(InputError, match="b/boxes: another scene to validate on is named boxes"):
+        Validation.of_folders(folders, views=3)
+
+
 def test_a_scene_that_is_all_border_is_refused(tmp_path):
     small = render_scene(Options(size=(30, 40), views=3, samples=1, held_out=True), 5, 0)
     write_light_field(tmp_path / "small", small, "hci")

@@ -38,6 +38,9 @@ class MapFile:
     path: Path
     seconds: float | None = None
     """Run time; None if it is not stated."""
+    bounded: bool | None = None
+    """Whether it was kept within the range of disparities that the scene or the user states; None
+    if it is not recorded."""
 
     def read(self, size: Size) -> NDArray[np.float32]:
         """(H, W) in px per adjacent view; not finite where there is no estimate.
@@ -121,7 +124,8 @@ def find_maps(
                 map_ = file.read(size)
                 if complete:
                     problems += missing_values(map_, file.path)
-            found[name] = replace(file, seconds=_seconds_of(folder, name, file.path))
+            file = _recorded(file)
+            found[name] = replace(file, seconds=_stated_seconds(folder, name) or file.seconds)
             if complete and found[name].seconds is None:
                 problems.append(
                     f"{file.path}: no run time is stated; write it in seconds to "
@@ -158,23 +162,41 @@ def _map_of(folder: Path, name: str, paths: list[Path]) -> Path:
     return paths[0]
 
 
-def _seconds_of(folder: Path, name: str, path: Path) -> float | None:
+def _stated_seconds(folder: Path, name: str) -> float | None:
     stated = folder / RUNTIMES_FOLDER / f"{name}.txt"
-    if stated.exists():
-        with parsing(stated, "text"):
-            return parse_runtime(stated.read_text(), stated)
-    return result_map(path.parent).seconds if path.name in _RESULT_MAPS else None
+    if not stated.exists():
+        return None
+    with parsing(stated, "text"):
+        return parse_runtime(stated.read_text(), stated)
 
 
 def result_map(folder: Path) -> MapFile:
-    """The map of a result folder of `epinet predict`, with its run time.
+    """The map of a result folder of `epinet predict`, with what run.json says of it.
 
     Raises:
         InputError: its run.json cannot be read, or its map is not per adjacent view.
     """
-    path = next(folder / name for name in _RESULT_MAPS if (folder / name).exists())
-    record = folder / "run.json"
-    return MapFile(path, _seconds_of_run(record) if record.exists() else None)
+    paths = (folder / name for name in _RESULT_MAPS)
+    return _recorded(MapFile(next(path for path in paths if path.exists())))
+
+
+def _recorded(file: MapFile) -> MapFile:
+    """With what run.json beside it says, where it is a result's."""
+    record = file.path.parent / "run.json"
+    if file.path.name not in _RESULT_MAPS or not record.exists():
+        return file
+    with parsing(record, "the record of a result"):
+        run = json.loads(record.read_text())
+        settings, seconds = run["settings"], math.fsum(run["seconds"].values())
+        step, bounded = settings["step"], None
+        if "stated_px" in settings:
+            bounded = settings["stated_px"] is not None
+    if step != 1:
+        raise InputError(
+            f"{record}: predicted with --step {step}: the map is in px per {step} views, the "
+            "truth in px per adjacent view; predict without --step"
+        )
+    return MapFile(file.path, seconds, bounded)
 
 
 def parse_runtime(text: str, path: Path | str) -> float:
@@ -189,18 +211,6 @@ def parse_runtime(text: str, path: Path | str) -> float:
         raise InputError(
             f"{path}: the first line must be the run time in seconds, a number such as 2.5, "
             f"not {first[:40]!r}"
-        )
-    return seconds
-
-
-def _seconds_of_run(record: Path) -> float:
-    with parsing(record, "the record of a result"):
-        run = json.loads(record.read_text())
-        step, seconds = run["settings"]["step"], math.fsum(run["seconds"].values())
-    if step != 1:
-        raise InputError(
-            f"{record}: predicted with --step {step}: the map is in px per {step} views, the "
-            "truth in px per adjacent view; predict without --step"
         )
     return seconds
 

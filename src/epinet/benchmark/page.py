@@ -12,7 +12,7 @@ from epinet import __version__
 from epinet.benchmark import figures, scene_cards
 from epinet.benchmark.evaluate import Evaluation
 from epinet.benchmark.html_table import html_table, lowest
-from epinet.benchmark.published import METRICS, PUBLISHED
+from epinet.benchmark.published import CLAIM, METRICS, MISSING, PUBLISHED
 from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.benchmark.standing import (
     Ranking,
@@ -27,6 +27,7 @@ from epinet.benchmark.table import (
     ABSENT,
     mean_text,
     partial_means,
+    ranges_used,
     score_tables,
     score_text,
     truths_used,
@@ -79,7 +80,7 @@ def _summary(evaluation: Evaluation) -> str:
     scenes = _count(len(evaluation.scenes), "scene")
     return (
         f"{methods} on {scenes}. A border of {evaluation.border_px} px is left out; lower is "
-        f"better everywhere. {escape(truths_used(evaluation))}"
+        f"better everywhere. {escape(truths_used(evaluation))} {escape(ranges_used(evaluation))}"
     )
 
 
@@ -131,7 +132,7 @@ def _accuracy_and_time(evaluation: Evaluation) -> str:
     return (
         f'<p>{OFFICIAL}</p><div class="figures"><figure>{first}</figure>'
         f"<figure>{second}</figure></div><p>Left, accuracy against run time (the paper's figure "
-        f"1). {over} Right, run times (its figure 8).</p>"
+        f"1). {over} Right, run times (its figure 8). {CLAIM}</p>"
     )
 
 
@@ -188,11 +189,12 @@ def _published_means() -> str:
         known = [*(other.mean(metric, BENCHMARK_SCENES) for metric in METRICS), other.seconds]
         rows.append([other.name, other.source, *(ABSENT if f is None else f"{f:g}" for f in known)])
     table = html_table(["method", "source", *scores], rows, left=2)
-    return f"<h3>Published means of the benchmark's 12 scenes</h3>{table}"
+    title = "<h3>Published means of the benchmark's 12 scenes</h3>"
+    return f"{title}{table}<p>{CLAIM} {MISSING}</p>"
 
 
 def _all_scores(evaluation: Evaluation) -> str:
-    parts = [f"<p>{escape(truths_used(evaluation))}</p>"]
+    parts = [f"<p>{escape(truths_used(evaluation))} {escape(ranges_used(evaluation))}</p>"]
     for table in score_tables(evaluation):
         scenes = [row[0] for row in table.rows]
         parted = {i for i in range(1, len(scenes)) if scenes[i] != scenes[i - 1]}

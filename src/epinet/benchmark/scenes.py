@@ -24,6 +24,7 @@ from epinet.io.problems import Problems, listed
 from epinet.io.truth import checked_truth
 from epinet.metrics.metric import Mask, Metric, Resolution
 from epinet.metrics.stratified import NUMBERED
+from epinet.predict.batch import FOLDERS_DEEP
 
 STRATIFIED = ("backgammon", "dots", "pyramids", "stripes")
 TRAINING = ("boxes", "cotton", "dino", "sideboard")
@@ -34,9 +35,6 @@ BENCHMARK_SIDE_PX = 512
 
 HIGH_RESOLUTION_SCENES = frozenset({"backgammon", "dots", "stripes"})
 """Where the official site scores all pixels against the truth of 10 times the resolution."""
-
-FOLDERS_DEEP = 2
-"""Scenes lie in the folder given or up to so many below: HCI's own sort them by category."""
 
 _BENCHMARK_VIEWS = 9
 _TRUTH = {"low": "gt_disp_lowres.pfm", "high": "gt_disp_highres.pfm"}

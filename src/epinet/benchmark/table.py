@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,7 +49,8 @@ def text_tables(evaluation: Evaluation) -> str:
         for t in score_tables(evaluation)
     ]
     remark = (
-        f"Border left out: {evaluation.border_px} px. Lower is better. {truths_used(evaluation)}"
+        f"Border left out: {evaluation.border_px} px. Lower is better. {truths_used(evaluation)} "
+        f"{ranges_used(evaluation)}"
     )
     return "\n\n".join([*tables, f"{remark}{partial_means(evaluation)}"])
 
@@ -82,6 +83,34 @@ def truths_used(evaluation: Evaluation) -> str:
     if not all(score.official for score in known):
         text += f" {OTHER_TRUTH}: the benchmark's site takes the high one there."
     return text
+
+
+def ranges_used(evaluation: Evaluation) -> str:
+    """Which methods' maps were kept within the range of disparities that is stated, in words."""
+    maps = {m.name: [m.maps[s.name].bounded for s in evaluation.scenes] for m in evaluation.methods}
+    return ranges_text(maps)
+
+
+def ranges_text(bounded: Mapping[str, Sequence[bool | None]]) -> str:
+    """The same of any maps.
+
+    Args:
+        bounded: by method, of each of its maps; None where it is not recorded.
+
+    >>> ranges_text({"ours": [True, False], "theirs": [None, None]})
+    'Maps kept within the stated range of disparities: 1 of 2 of ours, not recorded of theirs.'
+    """
+    parts = []
+    for method, each in bounded.items():
+        kept = each.count(True)
+        if None in each:
+            count = "not recorded"
+        elif kept in (0, len(each)):
+            count = "all" if kept else "none"
+        else:
+            count = f"{kept} of {len(each)}"
+        parts.append(f"{count} of {method}")
+    return f"Maps kept within the stated range of disparities: {', '.join(parts)}."
 
 
 def as_csv(evaluation: Evaluation) -> str:
@@ -188,6 +217,12 @@ def _document(evaluation: Evaluation) -> dict[str, Any]:
             for scene in evaluation.scenes
         },
         "methods": {method.name: method.source for method in evaluation.methods},
+        "kept_within_stated_range": {
+            method.name: {
+                scene.name: method.maps[scene.name].bounded for scene in evaluation.scenes
+            }
+            for method in evaluation.methods
+        },
         "scores": scores,
         "means": {method.name: _means(evaluation, method) for method in evaluation.methods},
     }

@@ -13,7 +13,8 @@ PathsArgument = Annotated[
     typer.Argument(
         metavar="PATH...",
         help="Light fields: folders of views or single files. "
-        "A folder that holds several light fields stands for all of them.",
+        "A folder that holds several light fields, perhaps sorted into folders, stands for all of "
+        "them.",
     ),
 ]
 LayoutOption = Annotated[

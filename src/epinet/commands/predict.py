@@ -43,10 +43,18 @@ def predict(
         str | None,
         typer.Option(
             "--range",
-            help="Disparities to look for, LOW,HIGH in px per view; default: what the views show. "
-            "The map stays within them, or those that the scene's parameters state.",
+            help="Disparities LOW,HIGH in px per view that the map stays within, and that SweepNet "
+            "looks for; default: what the views show, within what the scene's parameters state.",
         ),
     ] = None,
+    no_range: Annotated[
+        bool,
+        typer.Option(
+            "--no-range",
+            help="Do not keep the map within what the scene's parameters state; EPINET's is not "
+            "anyway.",
+        ),
+    ] = False,
     step: Annotated[int, typer.Option(min=1, help="Take every so many views of a large grid.")] = 1,
     memory: Annotated[
         float, typer.Option(help="Bound on the network's memory in MB; smaller works in tiles.")
@@ -75,6 +83,8 @@ def predict(
     from epinet.synth.dataset import parse_range
 
     range_px = None if range_ is None else parse_range(range_)
+    if range_px is not None and no_range:
+        raise InputError(f"--range {range_} and --no-range exclude each other: give one of them")
     keep_freed_memory()
     estimator = load_model(weights, device, model)
     outcomes = predict_all(
@@ -82,7 +92,7 @@ def predict(
         find_light_fields(paths, layout, remark),
         output,
         reading=Reading(layout, flip_rows, flip_cols, transpose),
-        options=Options(ensemble, scale, step, refine, range_px),
+        options=Options(ensemble, scale, step, refine, range_px, False if no_range else None),
         memory_mb=memory,
         force=force,
         progress=progress,

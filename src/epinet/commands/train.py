@@ -27,8 +27,9 @@ def train(
     data: Annotated[
         list[str] | None,
         typer.Option(
-            help="Instead of the recipe's scenes: a folder of scenes with truth, or the range "
-            "(narrow, hci, wide) of rendered ones. May be given again for a mixture."
+            help="Instead of the recipe's scenes: a folder of scenes with truth, perhaps sorted "
+            "into folders, or the range (narrow, hci, wide) of rendered ones; a folder of such a "
+            "name is given as ./hci. May be given again for a mixture."
         ),
     ] = None,
     without: Annotated[
@@ -44,8 +45,11 @@ def train(
         ),
     ] = None,
     validation: Annotated[
-        Path | None,
-        typer.Option(help="Folder of scenes with truth; default: small rendered ones."),
+        list[Path] | None,
+        typer.Option(
+            help="Folder of scenes with truth, perhaps sorted into folders; default: small "
+            "rendered ones. May be given again."
+        ),
     ] = None,
     cache: Annotated[
         Path | None,
@@ -73,10 +77,10 @@ def train(
     chosen = changed_recipe(recipe, set_ or [], data or [], without or [])
     on = local_device(choose_device(device))
     scenes = None
-    if validation is not None:
+    if validation:
         trained_on = find_light_fields(chosen.folders)
         scenes = Validation.of_folders(
-            find_light_fields([validation], say=remark), chosen.views, trained_on
+            find_light_fields(validation, say=remark), chosen.views, trained_on
         )
     with team(on) as processes:
         run = Run(

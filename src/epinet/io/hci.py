@@ -2,11 +2,13 @@
 
 `input_Cam000.png` onwards (index = columns * row + col from the top-left), and where they exist
 `parameters.cfg`, `gt_disp_lowres.pfm`, `objectids_lowres.png` (16 bit) and the masks
-`invalid_mask.png`, `valid_mask.png` and `mask_<name>_lowres.png`. A folder that we write from a
-camera's views says so in `parameters.cfg` (captured = true); others hold rendered scenes.
+`invalid_mask.png`, `valid_mask.png` and `mask_<name>_lowres.png`; the reference code of EPINET has
+its masks of mirrors as `input_Cam040_invalid_ver2.png`, which is read where there is no other. A
+folder that we write from a camera's views says so in `parameters.cfg` (captured = true); others
+hold rendered scenes.
 `gt_depth_lowres.pfm` (depth in mm) is written where the camera is known and never read: it follows
 from the disparity and the camera. Truths of further views, `gt_disp_lowres_Cam000.pfm` onwards, are
-read by `read_view_truths` only: few want them.
+read by `read_view_truths` only: few want them. The benchmark's download of all scenes lacks them.
 """
 
 from __future__ import annotations
@@ -39,6 +41,8 @@ _TRUTH = "gt_disp_lowres.pfm"
 _DEPTH = "gt_depth_lowres.pfm"
 _PARAMETERS = "parameters.cfg"
 _OBJECTS = "objectids_lowres.png"
+_INVALID_OF_EPINET = "input_Cam040_invalid_ver2.png"
+"""Not transparent where it mirrors."""
 _BENCHMARK_SIDE = 9
 
 
@@ -182,6 +186,8 @@ def _check_camera(camera: Camera | None, size: Size | None, folder: Path) -> Non
 
 def _mask_files(folder: Path) -> dict[str, Path]:
     candidates = {name: folder / _mask_name(name) for name in ("invalid", "valid")}
+    if not candidates["invalid"].exists():
+        candidates["invalid"] = folder / _INVALID_OF_EPINET
     for path in sorted(folder.glob("mask_*_lowres.png")):
         candidates[path.name.removeprefix("mask_").removesuffix("_lowres.png")] = path
     return {name: path for name, path in candidates.items() if path.exists()}

@@ -25,6 +25,9 @@ from epinet.raw.white import BESIDE
 
 FILE_SUFFIXES = {suffix for layout in LAYOUTS.values() for suffix in layout.suffixes}
 
+FOLDERS_DEEP = 2
+"""Light fields lie in the folder given or up to so many below: HCI's are sorted by category."""
+
 Progress = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
 
@@ -54,6 +57,7 @@ class Options:
     step: int = 1
     refine: bool | None = None
     range_px: tuple[float, float] | None = None
+    bounded: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -73,10 +77,12 @@ def find_light_fields(
     layout: str | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[Path]:
-    """The light fields meant: a path that is none itself stands for those directly inside it.
+    """The light fields meant: a path that is none itself stands for those inside it.
 
-    Folders inside that are no light fields are left out, and named to `say`. Of the files inside,
-    images count only where their name ends in `_eslf`: other images are not lenslets.
+    Those are files and folders directly inside, and folders up to `FOLDERS_DEEP` below, as the
+    benchmark's archives sort their scenes. What holds no light field is left out, and named to
+    `say`. Of the files inside, images count only where their name ends in `_eslf`: other images are
+    not lenslets.
 
     Raises:
         InputError: no such layout, or a folder cannot be listed.
@@ -88,13 +94,31 @@ def find_light_fields(
         try:
             if path.is_dir() and not recognises(path):
                 entries = [p for p in sorted(path.iterdir()) if _may_be_one(p)]
-                inside = [p for p in entries if recognises(p)]
-                if inside:
-                    for p in sorted(set(entries) - set(inside)):
-                        say(f"left out: {p} (no light field recognised; --layout names one)")
+                inside = _among(entries, recognises, say)
         except OSError as error:
             raise InputError(f"{path}: cannot be listed ({error.strerror})") from error
         found += inside or [path]
+    return found
+
+
+def _among(
+    entries: Sequence[Path],
+    recognises: Callable[[Path], bool],
+    say: Callable[[str], None],
+    deep: int = 1,
+) -> list[Path]:
+    """Those of a folder's entries that are light fields, and what lies in the other folders."""
+    found, others = [], []
+    for entry in entries:
+        here = [entry] if recognises(entry) else []
+        if not here and entry.is_dir() and deep < FOLDERS_DEEP:
+            folders = sorted(p for p in entry.iterdir() if is_shown(p) and p.is_dir())
+            here = _among(folders, recognises, say, deep + 1)
+        found += here
+        others += [] if here else [entry]
+    if found:
+        for entry in others:
+            say(f"left out: {entry} (no light field recognised; --layout names one)")
     return found
 
 

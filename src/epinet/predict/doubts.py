@@ -81,7 +81,7 @@ def doubts_about_range(stated_px: tuple[float, float] | None, beyond: Floats) ->
     """Of the range that the scene's file or the user states.
 
     Args:
-        stated_px: None where neither does.
+        stated_px: None where neither does, or the map need not stay within it.
         beyond: (H, W) how far the estimate lay beyond it.
     """
     share = float((beyond > 0).mean())
@@ -90,5 +90,6 @@ def doubts_about_range(stated_px: tuple[float, float] | None, beyond: Floats) ->
     low, high = stated_px
     return [
         f"{100 * share:.0f} % of the pixels lay beyond the stated {low:g}..{high:g} px and "
-        "were set to its bounds: mirrors do; if it is wrong, correct it or give --range"
+        "were set to its bounds: mirrors do; if it is wrong, correct it, or give --range "
+        "or --no-range"
     ]

@@ -100,6 +100,7 @@ class Estimator:
         step: int = 1,
         refine: bool | None = None,
         range_px: tuple[float, float] | None = None,
+        bounded: bool | None = None,
         memory_mb: float = DEFAULT_MEMORY_MB,
         progress: Progress = lambda share: None,
     ) -> Result:
@@ -114,8 +115,9 @@ class Estimator:
             refine: compensate misalignment and exposure of the views before, and take the weighted
                 median after (docs/refinement.md); None does so where a camera took the views.
             range_px: disparities that SweepNet looks for, in the map's unit; None measures them.
-                The map stays within them, or those that the light field's camera states: what
-                reflects shows others.
+            bounded: the map stays within `range_px`, or what the light field's camera states: what
+                reflects shows others. None bounds the map of a network that looks for a range
+                (SweepNet), and any by a given `range_px`; EPINET's published maps know no range.
             memory_mb: bound on what the network holds at once, beside the views themselves.
             progress: called with the share of the work (0..1) done since the last call.
 
@@ -134,7 +136,10 @@ class Estimator:
         map_ = self._estimate(weights, used, ensemble, scale, range_px, memory_mb, progress)
         found = enlarge(map_.disparity, scale, lf.size).cpu().numpy()
         estimated = time.perf_counter()
+        if bounded is None:
+            bounded = range_px is not None or map_.searched_px is not None
         stated_px = range_px or (used.camera.disparity_range_px if used.camera else None)
+        stated_px = stated_px if bounded else None
         disparity = found if stated_px is None else _within(found, stated_px)
         beyond = np.abs(found - disparity)
         expected = None
@@ -236,10 +241,6 @@ class Estimator:
             if not -math.inf < low < high < math.inf:
                 problems.append(
                     f"the range must be a lesser and a greater disparity, not {low:g},{high:g}"
-                )
-            if any(isinstance(w.net, Epinet) for w in self.weights):
-                problems.append(
-                    "EPINET looks for what it was trained for: give --scale instead of a range"
                 )
         fewest = min(w.views[-1] for w in self.weights)
         if min(lf.grid) < fewest:

@@ -90,11 +90,30 @@ def _numbers_of(symmetries: list[Symmetry]) -> Tensor:
 
 
 @dataclass(frozen=True)
-class SignReversal:
-    """The view grid turned by half a turn, the images not: every disparity changes its sign.
+class TurnOrFlip:
+    """One of five: a quarter turn, a half, three quarters, the transposition, or none.
 
-    The paper's flip "with reversed sign". What was far then covers what was near, which no scene
-    does: for the paper's recipes only.
+    What the reference code does in place of `Rotation` and `Flip`, which together give eight.
+    """
+
+    name: ClassVar[str] = "turn_or_flip"
+    photometric: ClassVar[bool] = False
+
+    def draw(self, g: Generator, count: int) -> Tensor:
+        return torch.randint(5, (count,), generator=g)
+
+    def apply(self, patches: Frames, choices: Tensor) -> Frames:
+        five = [*(Symmetry(quarters) for quarters in range(4)), Symmetry(0, True)]
+        return patches.turned(_numbers_of(five)[choices])
+
+
+@dataclass(frozen=True)
+class SignReversal:
+    """Images mirrored left-right, and the rows of the view grid alone reversed: every disparity
+    changes its sign.
+
+    The paper's flip: what is a mirror image, with the grid turned by half a turn beside. What was
+    far then covers what was near, which no scene does: for the paper's recipes only.
     """
 
     name: ClassVar[str] = "sign_reversal"
@@ -105,8 +124,13 @@ class SignReversal:
 
     def apply(self, patches: Frames, choices: Tensor) -> Frames:
         sign = 1 - 2 * choices
-        grid = sign[:, None, None] * patches.grid
-        return replace(patches, grid=grid, divisor=sign * patches.divisor)
+        still = torch.ones_like(sign)
+        last = torch.stack([0 * choices, choices * (patches.side - 1)], 1)
+        corner = patches.corner + (last[:, None] @ patches.axes)[:, 0]
+        axes = torch.stack([still, sign], 1)[..., None] * patches.axes
+        grid = torch.stack([sign, still], 1)[..., None] * patches.grid
+        divisor = sign * patches.divisor
+        return replace(patches, corner=corner, axes=axes, grid=grid, divisor=divisor)
 
 
 @dataclass(frozen=True)
@@ -213,6 +237,7 @@ AUGMENTATIONS: Mapping[str, Augmentation] = MappingProxyType(
             ViewShift(),
             Rotation(),
             Flip(),
+            TurnOrFlip(),
             SignReversal(),
             Scale(),
             GrayWeights(),

@@ -159,16 +159,17 @@ class Batches:
     ) -> None:
         self.cut, self.source, self.seed, self.shard = cut, source, seed, shard
         self._geometric = [a for a in augmentations if not a.photometric]
-        self._photometric = [a for a in augmentations if a.photometric]
-        self._mixes_gray = any(a.name == GrayWeights.name for a in augmentations)
+        self._gray = next((a for a in augmentations if isinstance(a, GrayWeights)), None)
+        self._photometric = [a for a in augmentations if a.photometric and a is not self._gray]
         self._star = sorted(set(cut.offsets))
         order = [self._star.index(offset) for offset in cut.offsets]
         self._stacks = torch.tensor(order).view(cut.streams, cut.views)
 
     def __call__(self, step: int) -> Batch:
         g = generator(self.seed, 3, self.shard, step)
-        frames, any_accepted = self._frames(g, step)
-        patches = self._patches(g, step, frames)
+        mixture = self._gray.draw(g, self.cut.batch) if self._gray else None
+        frames, mixture, any_accepted = self._frames(g, step, mixture)
+        patches = self._patches(g, step, frames, mixture)
         margin, inner = self.cut.margin_px, self.cut.inner
         weight = self._weight(patches, any_accepted)
         views = patches.views[:, :, 0]
@@ -198,28 +199,34 @@ class Batches:
             return 1
         return choices[int(choice * len(choices))]
 
-    def _frames(self, g: Generator, step: int) -> tuple[Frames, bool]:
-        """Where the batch's patches lie, and whether any is one to learn from.
+    def _frames(
+        self, g: Generator, step: int, mixture: Tensor | None
+    ) -> tuple[Frames, Tensor | None, bool]:
+        """Where the batch's patches lie, their gray, and whether any is one to learn from.
 
-        Where nothing to learn from was found for some of the places, they take over patches of
-        others, so that the norms' statistics, too, are of patches to learn from alone.
+        Texture is judged in the gray that the network sees, as the reference code does. Where
+        nothing to learn from was found for some of the places, they take over patches of others, so
+        that the norms' statistics, too, are of patches to learn from alone.
         """
         frames = self._drawn(g, step, self.cut.batch)
         if self.cut.least_weight is not None:
-            return frames, True
-        accepted = self._accepted(step, frames)
+            return frames, mixture, True
+        accepted = self._accepted(step, frames, mixture)
         for _ in range(TRIES - 1):
             missing = (~accepted).nonzero()[:, 0]
             if not len(missing):
                 break
             others = self._drawn(g, step, len(missing))
             frames = frames.put(missing, others)
-            accepted[missing] = self._accepted(step, others)
+            of_missing = None if mixture is None else mixture[missing]
+            accepted[missing] = self._accepted(step, others, of_missing)
         found, missing = accepted.nonzero()[:, 0], (~accepted).nonzero()[:, 0]
         if len(found):
-            again = torch.randint(len(found), (len(missing),), generator=g)
-            frames = frames.put(missing, frames[found[again]])
-        return frames, len(found) > 0
+            again = found[torch.randint(len(found), (len(missing),), generator=g)]
+            frames = frames.put(missing, frames[again])
+            if mixture is not None:
+                mixture[missing] = mixture[again]
+        return frames, mixture, len(found) > 0
 
     def _drawn(self, g: Generator, step: int, count: int) -> Frames:
         choices = [(a, a.draw(g, count)) for a in self._geometric]
@@ -231,10 +238,10 @@ class Batches:
             frames = augmentation.apply(frames, choice)
         return frames
 
-    def _accepted(self, step: int, frames: Frames) -> Tensor:
+    def _accepted(self, step: int, frames: Frames, mixture: Tensor | None) -> Tensor:
         """(B,) on the CPU; judged before the camera's faults: noise is no texture."""
         seen = frames.window(self.cut.margin_px, self.cut.seen_px)
-        centre = gray(self.source.cut(step, seen, [(0, 0)]))
+        centre = self._in_gray(self.source.cut(step, seen, [(0, 0)]), mixture)
         usable = centre.usable.flatten(1).all(1)
         middle = self.cut.patch_px // 2
         around = slice(middle, middle + 2 * MARGIN_PX + 1)
@@ -242,14 +249,17 @@ class Batches:
         texture = textured(views, self.cut.texture_threshold).flatten() > 0
         return (texture & usable).cpu()
 
-    def _patches(self, g: Generator, step: int, frames: Frames) -> Patches:
+    def _patches(self, g: Generator, step: int, frames: Frames, mixture: Tensor | None) -> Patches:
         """In gray."""
-        patches = self.source.cut(step, frames, self._star)
-        if not self._mixes_gray:
-            patches = gray(patches)
+        patches = self._in_gray(self.source.cut(step, frames, self._star), mixture)
         for augmentation in self._photometric:
             patches = augmentation.apply(patches, augmentation.draw(g, len(frames.scene)))
         return patches
+
+    def _in_gray(self, patches: Patches, mixture: Tensor | None) -> Patches:
+        if self._gray is None or mixture is None:
+            return gray(patches)
+        return self._gray.apply(patches, mixture)
 
     def _weight(self, patches: Patches, any_accepted: bool) -> Tensor:
         """(B, 1, P, P)."""
@@ -316,12 +326,18 @@ class InTurn:
 
 
 def batches_of(
-    recipe: Recipe, shards: Sequence[int], *, cache: Path | None = None, device: str = "cpu"
+    recipe: Recipe,
+    shards: Sequence[int],
+    *,
+    cache: Path | None = None,
+    device: str = "cpu",
+    say: Callable[[str], None] = lambda line: None,
 ) -> list[Callable[[int], Batch]]:
     """The batches of some shards of a recipe; scenes on disk are read once for all of them.
 
     Args:
         cache: folder that keeps rendered scenes for other runs on the same ones.
+        say: told what may be wrong with the scenes, a line at a time.
 
     Raises:
         InputError: scenes of the recipe that cannot be used.
@@ -343,7 +359,11 @@ def batches_of(
             with problems.gather():
                 scenes = find_light_fields([data.folder])
                 side_px = scale * (large or small).side_px
-                on_disk.append((Folders(scenes, needs, side_px=side_px, device=device), data.share))
+                weights = recipe.scene_weights
+                source = Folders(scenes, needs, side_px=side_px, weights=weights, device=device)
+                on_disk.append((source, data.share))
+                for doubt in source.doubts:
+                    say(f"warning: {doubt}")
     problems.raise_any()
     kinds = [(data.rendered(), data.share) for data in recipe.data if data.generator is not None]
 

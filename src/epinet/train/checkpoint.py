@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import torch
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
+from epinet.train.recipe import Recipe
 
 WHY_LENGTH = 200
 """Characters of what is said about a damaged checkpoint."""
@@ -35,13 +36,14 @@ def write_checkpoint(path: Path, state: State) -> None:
 
 @contextmanager
 def continuing(
-    path: Path, recipe: Mapping[str, Any], validated_on: str, device: torch.device
+    path: Path, recipe: Recipe, validated_on: str, device: torch.device
 ) -> Iterator[State]:
     """A run's state; inside the block it is taken over.
 
     Args:
         path: of the checkpoint.
-        recipe: all values of the recipe of the run that continues.
+        recipe: of the run that continues; it may have other steps where none before depends on
+            how many there will be.
         validated_on: its validation scenes.
         device: to load tensors to.
 
@@ -66,19 +68,36 @@ def continuing(
         ) from error
 
 
-def _check_same(path: Path, state: State, recipe: Mapping[str, Any], validated_on: str) -> None:
-    theirs = dict(state["recipe"])
+def _check_same(path: Path, state: State, recipe: Recipe, validated_on: str) -> None:
+    theirs = Recipe().as_dict() | state["recipe"]  # what is younger than the file has its default
+    ours = recipe.as_dict()
     differences = [
-        f"{key} is {theirs.get(key)} there, {recipe.get(key)} here"
-        for key in sorted(theirs.keys() | recipe.keys())
-        if theirs.get(key) != recipe.get(key)
+        f"{key} is {theirs.get(key)} there, {ours.get(key)} here"
+        for key in sorted((theirs.keys() | ours.keys()) - {"steps"})
+        if theirs.get(key) != ours.get(key)
     ]
     if differences:
         raise InputError(
             f"{path}: belongs to another recipe ({'; '.join(differences)}); choose another folder"
         )
+    _check_steps(path, state, recipe)
     if state["validated_on"] != validated_on:
         raise InputError(
             f"{path}: was validated on {state['validated_on']}, not on {validated_on}, so that "
             "scores do not compare; choose another folder"
+        )
+
+
+def _check_steps(path: Path, state: State, recipe: Recipe) -> None:
+    planned, done = state["recipe"]["steps"], state["step"]
+    if recipe.steps < done:
+        raise InputError(f"{path}: has made {done} steps already, more than steps={recipe.steps}")
+    if recipe.steps != planned and recipe.paced_by_steps:
+        values = recipe.as_dict()
+        paced = ", ".join(f"{name}={values[name]}" for name in recipe.paced_by_steps)
+        raise InputError(
+            f"{path}: was begun for {planned} steps, and a run of {recipe.steps} would have begun "
+            f"otherwise, since its pace follows from the number of steps ({paced}); go on with "
+            f"--set steps={planned}, or begin another run from its weights in another folder: "
+            f"--set start={path.parent / 'weights.safetensors'}"
         )

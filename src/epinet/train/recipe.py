@@ -122,6 +122,8 @@ class Recipe(_Model):
     data: tuple[Data, ...] = (Data(generator="hci"),)
     textures: Path | None = None
     """Folder of photographs that rendered scenes take textures from, too."""
+    scene_weights: Mapping[str, Annotated[float, Field(ge=0)]] = {}
+    """How often scenes on disk of these names give patches, relative to others of their size."""
     augmentations: tuple[str, ...] = ()
     scale_weights: tuple[Annotated[int, Field(ge=0)], ...] = (1, 1, 1, 1)
     """How often the augmentation `scale` takes N = 1, 2, 3, ..., relative to each other."""
@@ -147,7 +149,8 @@ class Recipe(_Model):
     """... and have the whole of it after this share of the steps."""
 
     # The optimisation.
-    steps: Annotated[int, Field(ge=1)] = 1_000_000
+    steps: Annotated[int, Field(ge=1)] = 10_000_000
+    """A run at a constant rate may be made longer by another value: see `paced_by_steps`."""
     optimiser: Literal["rmsprop", "adamw", "muon"] = "rmsprop"
     loss_scale_px: Annotated[float, Field(gt=0)] | None = None
     """The loss of an error e is s log(1 + |e| / s), which hardly sees errors far above s.
@@ -305,6 +308,17 @@ class Recipe(_Model):
         done = 1.0 if self.widening == 0 else min(1.0, step / (self.widening * self.steps))
         reach: float = self.narrow * (1 / self.narrow) ** done
         return reach
+
+    @property
+    def paced_by_steps(self) -> list[str]:
+        """Values by which a step depends on how many there will be: none where a run may be made
+        longer."""
+        paced = {
+            "decay": self.decay != "constant",
+            "widening": self.narrow < 1 and self.widening > 0,
+            "fixed_norms_from": bool(self.fixed_norms_from),
+        }
+        return [name for name, is_paced in paced.items() if is_paced]
 
     @property
     def disparity_range_px(self) -> tuple[float, float] | None:

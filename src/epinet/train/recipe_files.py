@@ -81,11 +81,12 @@ def changed_recipe(
         without: augmentations to leave out.
 
     Raises:
-        InputError: every value that is unknown or impossible.
+        InputError: every value that is unknown or impossible, or a name in `data` that is both a
+            range and a folder.
     """
     values = parse_changes(changes)
     if data:
-        values["data"] = [{"generator" if d in RANGES_PX else "folder": d} for d in data]
+        values["data"] = [_source(d) for d in data]
     recipe = load_recipe(name, values)
     unknown = sorted(set(without) - set(AUGMENTATIONS))
     if unknown:
@@ -97,6 +98,17 @@ def changed_recipe(
         values["augmentations"] = [a for a in recipe.augmentations if a not in without]
         recipe = load_recipe(name, values)
     return recipe
+
+
+def _source(name: str) -> dict[str, str]:
+    if name not in RANGES_PX:
+        return {"folder": name}
+    if Path(name).exists():
+        raise InputError(
+            f"--data {name}: the range of rendered scenes, or the folder {name} that is here? Give "
+            f"--data ./{name} for the folder, --set 'data=[{{generator: {name}}}]' for the range"
+        )
+    return {"generator": name}
 
 
 def _number(value: Any) -> Any:

@@ -126,7 +126,7 @@ class Run:
                 f"--set shards={team.size}"
             )
         mine = range(team.rank, recipe.shards, team.size)
-        self.batches = batches_of(recipe, mine, cache=cache, device=str(self.device))
+        self.batches = batches_of(recipe, mine, cache=cache, device=str(self.device), say=say)
         check_writable(folder)
         torch.manual_seed(recipe.seed)
         self.net = recipe.network()
@@ -170,8 +170,7 @@ class Run:
         torch._foreach_lerp_(list(averages), list(new), 1 - decay)
 
     def _resume(self) -> None:
-        recipe = self.recipe.as_dict()
-        with continuing(self._checkpoint, recipe, self._validated_on, self.device) as state:
+        with continuing(self._checkpoint, self.recipe, self._validated_on, self.device) as state:
             self.started_from = state["started_from"]
             self.net.load_state_dict(state["net"])
             if self.averaged:

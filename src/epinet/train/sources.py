@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -30,6 +30,9 @@ STEPS_PER_POOL = 32
 
 SLOTS = 8
 """So many pools are in use, in turn: steps that see the same scenes lie so far apart."""
+
+MIRRORED = ("kitchen", "museum", "vinyl")
+"""HCI's scenes with mirrors."""
 
 CROP_FREEDOM_PX = 24
 """Rendered scenes are larger than a patch by this much."""
@@ -185,26 +188,46 @@ class Folders:
         folders: one for each scene, in any layout; `ViewShift` needs the benchmark's.
         needs: which views and truths.
         side_px: largest patch asked for.
+        weights: how often scenes of these names are drawn, relative to others of their size.
 
     Raises:
-        InputError: all that is wrong: unreadable scenes, no truth, missing or small views.
+        InputError: all that is wrong: unreadable scenes, no truth, missing or small views, or no
+            scene that is ever drawn.
     """
 
     def __init__(
-        self, folders: Sequence[Path], needs: Needs, *, side_px: int, device: str = "cpu"
+        self,
+        folders: Sequence[Path],
+        needs: Needs,
+        *,
+        side_px: int,
+        weights: Mapping[str, float] | None = None,
+        device: str = "cpu",
     ) -> None:
         self.scenes: list[LightFields] = []
+        self.doubts: list[str] = []
+        """About the scenes, for people."""
         self.device = device
         problems = Problems()
         for folder in folders:
             with problems.gather():
-                self.scenes.append(_read_scene(folder, needs, side_px))
+                lf = read_light_field(folder)
+                self.scenes.append(_scene(folder, lf.central(needs.grid), needs, side_px))
+                if folder.stem in MIRRORED and "invalid" not in lf.masks:
+                    self.doubts.append(
+                        f"{folder}: no mask of its mirrors (invalid_mask.png, or the reference "
+                        "code's input_Cam040_invalid_ver2.png), so that they are trained on"
+                    )
         problems.raise_any()
         self._sizes = torch.tensor([scene.disparity.shape[-2:] for scene in self.scenes])
+        named = torch.tensor([(weights or {}).get(folder.name, 1.0) for folder in folders])
+        self._weights = named * self._sizes.prod(1)
+        if not self._weights.any():
+            names = ", ".join(folder.name for folder in folders)
+            raise InputError(f"scene_weights: leave nothing of the scenes {names}")
 
     def draw(self, g: Generator, step: int, side_px: Tensor) -> Frames:
-        weights = self._sizes.prod(1).float()
-        scenes = torch.multinomial(weights, len(side_px), replacement=True, generator=g)
+        scenes = torch.multinomial(self._weights, len(side_px), replacement=True, generator=g)
         return _anywhere(g, scenes, side_px, self._sizes[scenes])
 
     def cut(self, step: int, frames: Frames, offsets: Sequence[Offset]) -> Patches:
@@ -225,8 +248,7 @@ def _light_fields(pool: Pool, needs: Needs) -> LightFields:
     return LightFields(views, needs.offsets, disparity, valid, needs.truths)
 
 
-def _read_scene(folder: Path, needs: Needs, side_px: int) -> LightFields:
-    lf = read_light_field(folder).central(needs.grid)
+def _scene(folder: Path, lf: LightField, needs: Needs, side_px: int) -> LightFields:
     problems = Problems()
     if min(lf.size) < side_px:
         problems.append(

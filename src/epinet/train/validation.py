@@ -73,7 +73,7 @@ class Validation:
 
         Raises:
             InputError: scenes that cannot be read, have no truth to score with or too few views,
-                or are trained on.
+                are trained on, or share a name.
         """
         taken = {folder.resolve() for folder in trained_on}
         problems = Problems(
@@ -81,8 +81,10 @@ class Validation:
             for folder in folders
             if folder.resolve() in taken
         )
-        scenes = {}
+        scenes: dict[str, LightField] = {}
         for folder in folders:
+            if folder.name in scenes:
+                problems.append(f"{folder}: another scene to validate on is named {folder.name}")
             with problems.gather():
                 lf = _reliable(read_light_field(folder).central(views))
                 if not _known(lf):
