@@ -70,7 +70,7 @@ def made_ahead(
     """
     stream = None
     if device.type == "cuda":
-        stream = torch.cuda.Stream(device)
+        stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
         stream.wait_stream(torch.cuda.current_stream(device))  # for scenes rendered before
     worker = ThreadPoolExecutor(1, "batches")
     try:

@@ -176,7 +176,8 @@ class Batches:
         if self.cut.local_contrast:
             at_once = len(views) if views.is_cuda else 1  # so that a core's cache holds them
             seen = [
-                local_contrast(v)[..., margin:-margin, margin:-margin] for v in views.split(at_once)
+                local_contrast(v)[..., margin:-margin, margin:-margin]
+                for v in torch.split(views, at_once)
             ]
             views = torch.cat(seen)
         # What is unknown has no weight, which NaN would not keep.

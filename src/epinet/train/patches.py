@@ -164,11 +164,11 @@ class LightFields:
             pixels[:, None, None],
         ]
         disparity, usable = (
-            t.view(-1, height * width)[known, pixels].unflatten(1, (side, side))
+            t.view(-1, height * width)[known, pixels].view(-1, side, side)
             for t in (self.disparity, self.usable)
         )
         return Patches(
-            views.unflatten(-1, (side, side)),
+            views.view(*views.shape[:3], side, side),
             disparity / divisor[:, None, None],
             usable,
             list(offsets).index((0, 0)),
@@ -196,7 +196,7 @@ def cut_by(group: Tensor, frames: Frames, cut: Callable[[int, Frames], Patches])
         group: (B,) number of each square's group.
         cut: squares of one group, by its number.
     """
-    places = [(int(k), (group == k).nonzero()[:, 0]) for k in group.unique()]
+    places = [(k, (group == k).nonzero()[:, 0]) for k in sorted(set(group.tolist()))]
     parts = [cut(k, frames[at]) for k, at in places]
     if len(parts) == 1:
         return parts[0]

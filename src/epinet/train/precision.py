@@ -15,7 +15,7 @@ times as long as in float32."""
 def computes_bf16(device: torch.device) -> bool:
     """Whether a device multiplies in bfloat16 without emulating it."""
     if device.type == "cuda":
-        return torch.cuda.is_bf16_supported(including_emulation=False)
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
     if device.type != "cpu":
         return True
     return any(getattr(torch.cpu, name, lambda: False)() for name in NATIVE)

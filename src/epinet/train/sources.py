@@ -164,21 +164,21 @@ class Rendered:
         options = self.kinds[int(torch.multinomial(self._shares, 1, generator=g))]
         low, high = (reach * bound for bound in options.disparity_px)
         options = replace(options, disparity_px=(low, high))
-        drawn = {"seed": self.seed, "count": self.count, "first": k}
-        shown: dict[str, Any] = {
+        what: dict[str, Any] = {
+            "seed": self.seed,
+            "count": self.count,
+            "first": k,
             "offsets": self.needs.offsets,
             "truths": self.needs.truths,
             "gray": self.gray,
         }
 
         def make() -> Pool:
-            return next(
-                pools(options, **drawn, **shown, textures=self.textures, device=self.device)
-            )
+            return next(pools(options, **what, textures=self.textures, device=self.device))
 
         if self.cache is None:
             return make()
-        return kept(self.cache, {**asdict(options), **drawn, **shown}, make, self.device)
+        return kept(self.cache, asdict(options) | what, make, self.device)
 
 
 class Folders:
@@ -270,8 +270,8 @@ def _scene(folder: Path, lf: LightField, needs: Needs, side_px: int) -> LightFie
     if "invalid" in lf.masks:  # known for the centre view; its neighbours look nearly alike
         usable &= ~lf.masks["invalid"]
     views = np.stack([_eight_bits(lf, row + y, col + x) for y, x in needs.offsets])
-    views, disparity, usable = (torch.from_numpy(a)[None] for a in (views, disparity, usable))
-    return LightFields(views, needs.offsets, disparity, usable, needs.truths)
+    shown, known, told = (torch.from_numpy(a)[None] for a in (views, disparity, usable))
+    return LightFields(shown, needs.offsets, known, told, needs.truths)
 
 
 def _truths(folder: Path, lf: LightField, needs: Needs) -> NDArray[np.float32]:
