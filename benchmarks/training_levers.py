@@ -41,6 +41,7 @@ LEVERS: dict[str, dict[str, Any]] = {
     "five times the classes' weight": {"class_weight": 1.0},
     "half the rate": {"learning_rate": 1.5e-3},
     "twice the rate": {"learning_rate": 6.0e-3},
+    "plain gray views": {"local_contrast": False},
     "width 10": {"width": 10},
     "width 24": {"width": 24},
     "width 35": {"width": 35},

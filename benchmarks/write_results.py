@@ -263,6 +263,35 @@ def curves() -> Iterator[str]:
     yield "![curves](../benchmarks/results/training_curves.png)"
 
 
+def levers() -> Iterator[str]:
+    runs = read("training_levers")["runs"]
+    yield "## What changes of EPINET's recipe are worth"
+    machines = " and ".join(sorted({run["machine"] for run in runs}))
+    yield (
+        "`python -m benchmarks.training_levers`: runs of `narrow-9x9` from scratch, each with one "
+        "change and through its whole schedule in the CPU minutes given, scenes rendered before; "
+        f"{machines}, one thread, float32; small rendered scenes of held-out kinds. Two lengths "
+        "show slopes: what starts faster need not end lower. One seed, so that a few points of "
+        "BadPix say nothing."
+    )
+    lengths = sorted({run["minutes"] for run in runs})
+    cells = {}
+    for run in runs:
+        last = run["history"][-1]
+        scores = last["scores"]
+        cells[run["lever"], run["minutes"]] = [
+            str(last["step"]),
+            f"{scores['badpix_0.07']:.1f}",
+            f"{scores['mse_x100']:.1f}",
+        ]
+    head = [f"{what}, {m:g} min" for m in lengths for what in ("steps", "BadPix(.07)", "MSE x100")]
+    rows = [
+        [name, *(c for m in lengths for c in cells.get((name, m), ["-"] * 3))]
+        for name in dict.fromkeys(run["lever"] for run in runs)
+    ]
+    yield table(["change", *head], rows)
+
+
 def page() -> str:
     sections = {
         "real_light_fields": real,
@@ -271,6 +300,7 @@ def page() -> str:
         "sweepnet_ablation": ablation,
         "calibration": calibration,
         "training_curves": curves,
+        "training_levers": levers,
     }
     parts = [HEAD, *weights()]
     for name, section in sections.items():

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from epinet.train.validation import Validation
 
 CHANGES = {
     "views": 3,
+    "width": 8,
     "batch": 2,
     "patch_px": 4,
     "steps": 12,
@@ -36,8 +38,11 @@ CHANGES = {
     "validate_every": 6,
 }
 TINY = load_recipe("fast-9x9", CHANGES)
+CACHE = TemporaryDirectory()
+"""Most runs learn from the same scenes, which take longer to render than the steps themselves."""
+
 COMMAND = [
-    *(sys.executable, "-m", "epinet", "train"),
+    *(sys.executable, "-m", "epinet", "train", "--cache", CACHE.name),
     *(f"--set={key}={value}" for key, value in CHANGES.items()),
 ]
 TOGETHER = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
@@ -50,7 +55,8 @@ from epinet.train.validation import Validation
 run.LOG_EVERY = 1
 recipe = Recipe.model_validate_json(sys.argv[1])
 scenes = Validation.of_folders([Path(sys.argv[3])], recipe.views)
-run.Run(recipe, Path(sys.argv[2]), validation=scenes).train(save_every_s=0)
+cache = Path(sys.argv[4])
+run.Run(recipe, Path(sys.argv[2]), cache=cache, validation=scenes).train(save_every_s=0)
 """
 
 
@@ -66,7 +72,8 @@ def run(held_out):
     scenes = Validation.of_folders([held_out], views=3)
 
     def made(folder: Path, recipe: Recipe = TINY, **kwargs) -> Run:
-        return Run(recipe, folder, validation=scenes, say=lambda line: None, **kwargs)
+        kwargs = {"cache": Path(CACHE.name), "say": lambda line: None} | kwargs
+        return Run(recipe, folder, validation=scenes, **kwargs)
 
     return made
 
@@ -93,7 +100,9 @@ def wait_for_step(folder: Path, step: int, process: subprocess.Popen) -> None:
 def test_a_run_that_is_killed_goes_on_as_if_nothing_had_been(tmp_path, held_out):
     """kill -9, twice, at moments that nobody chose."""
     arguments = [sys.executable, "-c", QUICK, TINY.model_dump_json()]
-    whole, parts = ([*arguments, str(tmp_path / f), str(held_out)] for f in ("whole", "parts"))
+    whole, parts = (
+        [*arguments, str(tmp_path / f), str(held_out), CACHE.name] for f in ("whole", "parts")
+    )
     subprocess.run(whole, check=True, capture_output=True)
     for step in (3, 8):
         process = subprocess.Popen(parts, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -503,7 +512,10 @@ def test_processes_that_find_different_checkpoints_do_not_go_on(tmp_path, held_o
     scenes = Validation.of_folders([held_out], views=3)
     Run(recipe, tmp_path / "0", validation=scenes, say=lambda line: None).train()
     done = subprocess.run(
-        [*TOGETHER, str(script), recipe.model_dump_json(), str(tmp_path), str(held_out)],
+        [
+            *(*TOGETHER, str(script), recipe.model_dump_json()),
+            *(str(tmp_path), str(held_out), CACHE.name),
+        ],
         capture_output=True,
         text=True,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
