@@ -4,7 +4,7 @@
 
 A megapixel is a million finished pixels of any view, all 33 views of the star counted. Training
 follows the recipe fast-9x9: a step takes in 33 views of 38x38 px per patch, a pool of scenes serves
-32 steps. Of some recipes, in float32, also where the time of a step goes: the network is its
+16 steps. Of some recipes, in float32, also where the time of a step goes: the network is its
 forward and its backward pass, all else is what a step should cost next to nothing of.
 """
 

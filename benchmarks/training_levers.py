@@ -28,6 +28,7 @@ from epinet.synth.generator import VERSION
 from epinet.train.recipe import Recipe
 from epinet.train.recipe_files import load_recipe
 from epinet.train.run import Run
+from epinet.train.sources import STEPS_PER_POOL
 from epinet.train.validation import Validation
 
 BASE = "narrow-9x9"
@@ -124,6 +125,7 @@ def main() -> None:
                 "minutes": minutes,
                 "machine": args.machine,
                 "generator": VERSION,
+                "steps_per_pool": STEPS_PER_POOL,
             }
             if any(settings.items() <= run.items() for run in report["runs"]):
                 continue

@@ -270,7 +270,9 @@ def levers() -> Iterator[str]:
     yield (
         "`python -m benchmarks.training_levers`: runs of `narrow-9x9` from scratch, each with one "
         "change and through its whole schedule in the CPU minutes given, scenes rendered before; "
-        f"{machines}, one thread, float32; small rendered scenes of held-out kinds. Two lengths "
+        f"{machines}, one thread, float32; a pool of scenes serves "
+        f"{' or '.join(sorted({str(run['steps_per_pool']) for run in runs}))} steps; judged by "
+        "small rendered scenes of held-out kinds. Two lengths "
         "show slopes: what starts faster need not end lower. One seed, so that a few points of "
         "BadPix say nothing."
     )

@@ -391,7 +391,7 @@ def training_on_scenes_that_are_not_there(folder):
 
 @case(r"w\.safetensors: weights of another network")
 def training_from_weights_of_another_network(folder):
-    net = Epinet(EpinetConfig(views=3, stream_width=2))
+    net = Epinet(EpinetConfig(streams=2, views=9, stream_width=2))
     save_weights(folder / "w.safetensors", net, {})
     return trains(folder, "--set", f"start={folder / 'w.safetensors'}")
 

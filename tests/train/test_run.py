@@ -419,7 +419,13 @@ def test_training_learns(tmp_path, run):
     )
     recipe = load_recipe(
         "fast-9x9",
-        {**CHANGES, "steps": 40, "data": [{"folder": str(out[0])}], "validate_every": 20},
+        {
+            **CHANGES,
+            "width": 70,
+            "steps": 40,
+            "data": [{"folder": str(out[0])}],
+            "validate_every": 20,
+        },
     )
     learner = run(tmp_path / "run", recipe)
     for _ in range(40):
@@ -525,12 +531,14 @@ def test_processes_that_find_different_checkpoints_do_not_go_on(tmp_path, held_o
 
 
 def test_weights_of_another_network_are_no_start(tmp_path, run):
-    def from_(weights: str | Path, recipe: Recipe = TINY) -> Run:
+    published = TINY.model_copy(update={"width": 70})
+
+    def from_(weights: str | Path, recipe: Recipe = published) -> Run:
         return run(tmp_path / "run", recipe.model_copy(update={"start": str(weights)}))
 
     file = tmp_path / "weights.safetensors"
     contrast = {"input": "local contrast"}
-    save_weights(file, Epinet(EpinetConfig(views=9, stream_width=8)), contrast)
+    save_weights(file, Epinet(EpinetConfig(streams=2, views=9)), contrast)
     with pytest.raises(InputError, match="another network"):
         from_(file)
     merge = from_("epinet_9x9").net.merge[0][0].conv.weight

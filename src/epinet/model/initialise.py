@@ -118,6 +118,8 @@ def widened(net: Epinet, width: int, seed: int) -> Epinet:
         width: of a stream; no less than the net's.
         seed: of the shares.
     """
+    if width == net.config.stream_width:
+        return net
     g = torch.Generator().manual_seed(seed)
     old, config = net.config.stream_width, replace(net.config, stream_width=width)
     of_stream = torch.arange(width) % old

@@ -25,8 +25,9 @@ from epinet.train.augment import ViewShift
 from epinet.train.patches import Frames, LightFields, Offset, Patches, cut_by
 from epinet.train.pool_cache import kept
 
-STEPS_PER_POOL = 32
-"""So many steps use a pool of rendered scenes, each with other patches and augmentations."""
+STEPS_PER_POOL = 16
+"""So many steps use a pool of rendered scenes, each with other patches and augmentations; with more
+of them a network adapts to the scenes in use, see docs/training.md."""
 
 SLOTS = 8
 """So many pools are in use, in turn: steps that see the same scenes lie so far apart."""
@@ -34,7 +35,7 @@ SLOTS = 8
 MIRRORED = ("kitchen", "museum", "vinyl")
 """HCI's scenes with mirrors."""
 
-CROP_FREEDOM_PX = 24
+CROP_FREEDOM_PX = 16
 """Rendered scenes are larger than a patch by this much."""
 
 
