@@ -127,12 +127,9 @@ def widened(net: Epinet, width: int, seed: int) -> Epinet:
     wider = Epinet(config)
     state = net.state_dict()
     for name, module in wider.named_modules():
-        if isinstance(module, nn.Conv2d):
-            weight = state[f"{name}.weight"]
-            if not isinstance(module, ViewConv):
-                sources = of_stream if module.in_channels == width else of_merge
-                weight = _shared_out(weight, sources, g)
-            state[f"{name}.weight"] = weight
+        if isinstance(module, nn.Conv2d) and not isinstance(module, ViewConv):
+            sources = of_stream if module.in_channels == width else of_merge
+            state[f"{name}.weight"] = _shared_out(state[f"{name}.weight"], sources, g)
         if isinstance(module, nn.Conv2d | nn.BatchNorm2d):
             outputs = state[f"{name}.bias"].numel()
             if outputs > 1:
