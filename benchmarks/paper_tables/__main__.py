@@ -1,7 +1,8 @@
 """One table of the paper, from runs that are saved one by one:
 
-    python -m benchmarks.paper_tables streams --budget minutes     # table 1 and figure 3
-    python -m benchmarks.paper_tables views --budget minutes       # table 2
+    python -m benchmarks.paper_tables streams                      # table 1 and figure 3
+    python -m benchmarks.paper_tables views                        # table 2
+    python -m benchmarks.paper_tables views --data hci/additional --validation hci/training
     python -m benchmarks.paper_tables wide                         # table 3
     python -m benchmarks.paper_tables ensemble SCENES...           # Epinet-fcn and -fcn-m
     python -m benchmarks.paper_tables capture lightfields/lytro_2067   # figure 11
@@ -39,7 +40,10 @@ def arguments() -> argparse.Namespace:
     tables = parser.add_subparsers(dest="table", required=True)
     for name in ("streams", "views"):
         training = tables.add_parser(name, parents=[shared, lasting])
-        training.add_argument("--budget", choices=trained.BUDGETS, default="minutes")
+        training.add_argument("--budget", choices=trained.BUDGETS, default="hours")
+        for option, use in (("--data", "train on"), ("--validation", "judge by")):
+            about = f"scenes with truth, or folders of them, to {use} instead of rendered ones"
+            training.add_argument(option, type=Path, nargs="+", default=[], help=about)
     tables.add_parser("wide", parents=[shared, lasting])
     ensemble = tables.add_parser("ensemble", parents=[shared])
     ensemble.add_argument("scenes", type=Path, nargs="+", help="scenes with truth, or folders")
@@ -58,7 +62,14 @@ def made(args: argparse.Namespace) -> tuple[Path, Table]:
     if args.table == "wide":
         return results, predictions.wide(results, args.runs, args.machine)
     results, runs = results / args.budget, args.runs / args.budget
-    trainings = trained.Trainings(trained.BUDGETS[args.budget], results, runs, args.machine)
+    trainings = trained.Trainings(
+        trained.BUDGETS[args.budget],
+        results,
+        runs,
+        args.machine,
+        tuple(args.data),
+        tuple(args.validation),
+    )
     return results, getattr(trained, args.table)(trainings)
 
 
