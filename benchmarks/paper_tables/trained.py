@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from matplotlib.figure import Figure
 
@@ -16,9 +15,9 @@ from benchmarks.paper_tables import published
 from benchmarks.paper_tables.published import BAD, MSE
 from benchmarks.paper_tables.saved import machines, saved_run
 from benchmarks.paper_tables.tables import Row, Spread, Table
+from benchmarks.training_curves import constant_maps
 from epinet.io.atomic import atomic_path
 from epinet.io.problems import listed
-from epinet.metrics.disparity import score
 from epinet.predict.batch import find_light_fields
 from epinet.progress import progress
 from epinet.synth.dataset import write_dataset
@@ -32,7 +31,7 @@ from epinet.train.validation import SCENES, Validation
 STUDIED = ("views", "streams", "augmentations", "scale_weights")
 """What the tables vary: in every budget this is the paper recipe's."""
 
-CONSTANT = "a constant map"
+CONSTANT = "best constant map"
 
 LABELS = {
     "paper-1-stream": "1 stream",
@@ -140,19 +139,10 @@ class Trainings:
         }
 
     def constant(self) -> dict[str, list[float]]:
-        """Scores of the best map that is one number everywhere, which is to have learned nothing.
-
-        The number is the median of the truth of all scenes that the runs are judged by.
-        """
+        """Scores of each scene's best constant map, which is to have learned nothing."""
         settings = {"generator": VERSION, "validation": [str(folder) for folder in self.validation]}
-
-        def run() -> dict[str, Any]:
-            truths = [lf.truth for lf in self._judged_by.scenes.values() if lf.truth is not None]
-            median = np.nanmedian(np.concatenate([truth.ravel() for truth in truths]))
-            scores = [score(np.full_like(truth, median), truth) for truth in truths]
-            return {key: float(np.mean([s[key] for s in scores])) for key in (BAD, MSE)}
-
-        report = saved_run(self.results / "constant.json", settings, run)
+        file = self.results / "constant.json"
+        report = saved_run(file, settings, lambda: constant_maps(self._judged_by))
         return {key: [report[key]] for key in (BAD, MSE)}
 
     @cached_property
