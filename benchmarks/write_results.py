@@ -294,6 +294,25 @@ def levers() -> Iterator[str]:
     yield table(["change", *head], rows)
 
 
+def norms() -> Iterator[str]:
+    report = read("norm_statistics")
+    kinds = report["batches"]
+    yield "## Statistics of batch normalisation"
+    yield (
+        f"`python -m benchmarks.norm_statistics -o FILE`: {report['recipe']['steps']} steps of "
+        f"`{report['recipe']['name']}` with norms that are never fixed, {report['machine']}; the "
+        "same weights with statistics of other numbers of batches. Weights of such runs are saved "
+        f"with the mean over the last {report['saved']}; Keras keeps an average that forgets a "
+        "hundredth with each. Maps of the small held-out scenes, and their mean difference to "
+        "those of the most batches."
+    )
+    rows = [
+        [name, *scored(kind["scores"]), f"{kind['from_most_px']:.4f}"]
+        for name, kind in kinds.items()
+    ]
+    yield table(["batches", *SCORES, "difference, px"], rows)
+
+
 def page() -> str:
     sections = {
         "real_light_fields": real,
@@ -303,6 +322,7 @@ def page() -> str:
         "calibration": calibration,
         "training_curves": curves,
         "training_levers": levers,
+        "norm_statistics": norms,
     }
     parts = [HEAD, *weights()]
     for name, section in sections.items():
