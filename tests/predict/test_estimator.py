@@ -214,3 +214,16 @@ def test_a_light_field_is_shown_to_the_network_of_most_views_that_it_has():
     present = np.ones((9, 9), bool)
     present[1, 1] = False  # a corner of the 7x7 star
     assert chosen(LightField(views, present=present)) == pytest.approx(0.5)
+
+
+def test_nothing_is_known_in_corners_that_are_black_in_every_view(estimator, scene):
+    """A round stop that stands still, as of a plenoptic camera."""
+    y, x = (np.arange(n) - (n - 1) / 2 for n in scene.size)
+    shut = np.hypot(y[:, None], x) > 0.85 * np.hypot(y[0], x[0])
+    views = np.where(shut[..., None], 0, np.maximum(scene.views, 0.1)).astype(np.float32)
+    result = estimator.predict(LightField(views))
+    assert shut[0, 0]
+    assert (result.confidence[shut] == 0).all()
+    assert (result.confidence[~shut] > 0).mean() > 0.9
+    assert any("black in every view" in note for note in result.lightfield.notes)
+    assert not any("black" in note for note in estimator.predict(scene).lightfield.notes)

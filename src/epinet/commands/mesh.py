@@ -48,7 +48,10 @@ def mesh(
         ),
     ] = None,
     min_confidence: Annotated[
-        float, typer.Option(min=0, max=1, help="Leave out pixels of less confidence.")
+        float,
+        typer.Option(
+            min=0, max=1, help="Leave out pixels of less confidence; those of none always."
+        ),
     ] = 0,
     near_mm: Annotated[
         float | None, typer.Option("--near-mm", help="Leave out (.stl: flatten) what is nearer.")
@@ -113,7 +116,7 @@ def mesh(
         hint = "for a shape without true lengths: --not-metric"
         raise InputError([*error.problems, hint]) from error
     depth_mm = known.depth_mm(stored.disparity)
-    sure = stored.confidence >= min_confidence
+    sure = (stored.confidence >= min_confidence) & (stored.confidence > 0)
     if is_solid(output):
         depth_mm = np.where(sure, depth_mm, np.float32(np.nan))
         how = Print(**of_print)

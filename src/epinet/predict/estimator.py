@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from epinet.inspect.alignment import estimate_alignment
 from epinet.inspect.disparity_range import LONGER_SIDE_PX, DisparityRange, range_match
 from epinet.inspect.gains import estimate_gains, even
 from epinet.inspect.sweep import star_of_stacks
+from epinet.inspect.vignetting import black_corners
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import (
     CALIBRATION,
@@ -151,6 +153,7 @@ class Estimator:
         judged = time.perf_counter()
         if refine:
             disparity = _refined(used, disparity, confidence)
+        used, confidence = _without_corners(used, confidence)
         done = time.perf_counter()
         known_px = map_.searched_px or weights.disparity_range_px
         return Result(
@@ -316,6 +319,20 @@ def _refined(
     guide = lf.unit(*lf.centre)
     images = (torch.from_numpy(np.ascontiguousarray(i)) for i in (disparity, guide, confidence))
     return refined(*images).numpy()
+
+
+def _without_corners(
+    lf: LightField, confidence: NDArray[np.float32]
+) -> tuple[LightField, NDArray[np.float32]]:
+    """No confidence in what the camera left black; and a note of it, where that is anything."""
+    black = black_corners(lf)
+    if not black.any():
+        return lf, confidence
+    note = (
+        f"{100 * black.mean():.1f} % of the picture, its corners, are black in every view: nothing "
+        "is known there, and the confidence is 0"
+    )
+    return replace(lf, notes=(*lf.notes, note)), np.where(black, np.float32(0), confidence)
 
 
 def _averaged(
