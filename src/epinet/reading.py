@@ -92,15 +92,32 @@ def check_decoded(path: str | Path, needed: int, what: str) -> None:
         InputError: it is too much; says how to allow it.
         OSError: the file cannot be seen.
     """
-    found = os.stat(path)
-    on_disk = min(found.st_size, _BLOCK_BYTES * getattr(found, "st_blocks", found.st_size))
+    check_allowed(path, needed, stored_bytes(path), what)
+
+
+def check_allowed(path: str | Path, needed: int, on_disk: int, what: str) -> None:
+    """As `check_decoded`, where it is known what lies on disk.
+
+    Raises:
+        InputError: it is too much; says how to allow it.
+    """
     if needed <= max(_limit_bytes, RATIO * on_disk):
         return
     megabytes = -(-needed // 1_000_000)
     raise InputError(
-        f"{path}: {what} would take {megabytes} MB of memory, far more than the file takes on "
-        f"disk; if it is meant to, allow it: epinet --read-limit {megabytes} COMMAND ..."
+        f"{path}: {what} would take {megabytes} MB of memory, far more than on disk; "
+        f"if it is meant to, allow it: epinet --read-limit {megabytes} COMMAND ..."
     )
+
+
+def stored_bytes(path: str | Path) -> int:
+    """What a file takes on disk, where holes count nothing.
+
+    Raises:
+        OSError: the file cannot be seen.
+    """
+    found = os.stat(path)
+    return min(found.st_size, _BLOCK_BYTES * getattr(found, "st_blocks", found.st_size))
 
 
 def _check_mode(path: str | Path, mode: int) -> None:

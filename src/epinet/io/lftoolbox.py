@@ -7,6 +7,7 @@ reversed.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,16 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io.array import light_field_of
+from epinet.io.hdf5 import array_of, open_hdf5
 from epinet.io.layout import Layout
-from epinet.io.problems import parsing
+from epinet.io.problems import listed, parsing
 from epinet.lightfield import LightField
+from epinet.reading import check_decoded, check_regular
 
 _USER_BLOCK_BYTES = 512
 _V5_LIMIT_BYTES = 2**31 - 1
+_BYTES = {"double": 8, "single": 4} | {f"{sign}int{8 * n}": n for sign in ("u", "") for n in (1, 2, 4, 8)}
+"""Of a value, by Matlab's class."""
 
 
 def recognises(path: Path) -> bool:
@@ -37,6 +42,7 @@ def read(path: Path) -> LightField:
     import h5py
 
     with parsing(path, "a .mat file"):
+        check_regular(path)
         array = _read_v73(path) if h5py.is_hdf5(path) else _read_v5(path)
     return light_field_of(array, path)
 
@@ -74,23 +80,21 @@ def write_v73(path: Path, lf: LightField) -> None:
 def _read_v5(path: Path) -> NDArray[Any]:
     from scipy.io import loadmat, whosmat
 
-    variables = [name for name, _, _ in whosmat(path)]
+    variables = {name: (shape, kind) for name, shape, kind in whosmat(path)}
     if "LF" not in variables:
-        raise _no_lf(path, variables)
+        raise InputError(
+            f"{path}: no variable LF; it holds {listed(list(variables)) or 'nothing'}"
+        )
+    shape, kind = variables["LF"]
+    if kind not in _BYTES:
+        raise InputError(f"{path}: LF is a {kind} array of Matlab, not one of numbers")
+    check_decoded(path, math.prod(shape) * _BYTES[kind], "LF")
     return np.asarray(loadmat(path, variable_names=["LF"])["LF"])
 
 
 def _read_v73(path: Path) -> NDArray[Any]:
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        if "LF" not in file:
-            raise _no_lf(path, list(file))
-        return np.asarray(file["LF"][...]).T
-
-
-def _no_lf(path: Path, found: list[str]) -> InputError:
-    return InputError(f"{path}: no variable LF; it holds {', '.join(found) or 'nothing'}")
+    with open_hdf5(path, "a .mat file") as file:
+        return array_of(file, "LF", path).T
 
 
 LAYOUT = Layout(
