@@ -25,6 +25,7 @@ from epinet.commands.synth import synth, validation
 from epinet.commands.train import train
 from epinet.commands.wiggle import wiggle
 from epinet.errors import InputError
+from epinet.reading import LIMIT_BYTES, set_limit
 
 app = typer.Typer(
     name="epinet",
@@ -71,8 +72,16 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it and exit.")
     ] = False,
+    read_limit: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            metavar="MB",
+            help="What a file may decode to in memory, if it is not large itself.",
+        ),
+    ] = LIMIT_BYTES // 10**6,
 ) -> None:
-    pass
+    set_limit(read_limit)
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from typing import BinaryIO
 
 from epinet.errors import InputError
 
-LIMIT_BYTES = 2**30
+LIMIT_BYTES = 10**9
 RATIO = 16
 """Measured: PNG of rendered views 2 to 8, JPEG of photographs 8 to 15."""
 
@@ -25,10 +25,10 @@ _BLOCK_BYTES = 512
 _limit_bytes = LIMIT_BYTES
 
 
-def set_limit(megabytes: float) -> None:
+def set_limit(megabytes: int) -> None:
     """Let files of this process decode to so many MB (of 10^6 bytes)."""
     global _limit_bytes
-    _limit_bytes = round(megabytes * 1e6)
+    _limit_bytes = megabytes * 10**6
 
 
 def check_regular(path: str | Path) -> os.stat_result:

@@ -27,12 +27,16 @@ from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.io.pfm import decode_pfm, write_pfm
 from epinet.io.problems import Problems, parsing
+from epinet.reading import open_regular
 
 SIZE = (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
 """(height, width) of every map in px."""
 
 LARGEST_BYTES = 16 * 2**20
 """What is larger is no entry of a submission."""
+
+MOST_ENTRIES = 1000
+"""More are not even listed one by one."""
 
 _MADE_AT = (1980, 1, 1, 0, 0, 0)
 """One time for all, so that the same maps make the same zip."""
@@ -76,7 +80,11 @@ def check_submission(path: Path) -> None:
         InputError: everything that is wrong with it.
     """
     problems = Problems()
-    with parsing(path, "a zip"), zipfile.ZipFile(path) as archive:
+    with parsing(path, "a zip"), open_regular(path) as file, zipfile.ZipFile(file) as archive:
+        if len(archive.infolist()) > MOST_ENTRIES:
+            raise InputError(
+                f"{path}: {len(archive.infolist())} entries; a submission has {len(_WANTED)}"
+            )
         entries = [entry for entry in archive.infolist() if not entry.is_dir()]
         problems += _wrong_names([entry.filename for entry in entries], path)
         problems += [
