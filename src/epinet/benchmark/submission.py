@@ -12,7 +12,6 @@ import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
 
 from epinet.benchmark.maps import (
     MAPS_FOLDER,
@@ -24,7 +23,7 @@ from epinet.benchmark.maps import (
 )
 from epinet.benchmark.scenes import BENCHMARK_SCENES, BENCHMARK_SIDE_PX
 from epinet.errors import InputError
-from epinet.io.atomic import atomic_path
+from epinet.io.atomic import atomic_path, scratch_folder
 from epinet.io.pfm import decode_pfm, write_pfm
 from epinet.io.problems import Problems, parsing
 from epinet.reading import open_regular
@@ -62,10 +61,10 @@ def write_submission(path: Path, maps: Mapping[str, MapFile]) -> None:
     Raises:
         InputError: maps that cannot be submitted, or an unwritable path.
     """
-    with atomic_path(path) as temporary, TemporaryDirectory() as folder:
+    with atomic_path(path) as temporary, scratch_folder() as folder:
         with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
             for name in BENCHMARK_SCENES:
-                pfm = Path(folder) / f"{name}.pfm"
+                pfm = folder / f"{name}.pfm"
                 write_pfm(pfm, maps[name].read(SIZE))
                 _add(archive, f"{MAPS_FOLDER}/{name}.pfm", pfm.read_bytes())
                 seconds = f"{maps[name].seconds:.10g}\n"

@@ -21,7 +21,7 @@ from epinet import __version__
 from epinet.documents import JSON_BYTES, parse_json, validated
 from epinet.errors import InputError
 from epinet.io import hci, write_light_field
-from epinet.io.atomic import atomic_path, check_writable
+from epinet.io.atomic import atomic_path, check_writable, remove_leftovers
 from epinet.io.problems import listed, parsing
 from epinet.io.read import SMALLEST_VIEW_PX
 from epinet.lightfield import LightField
@@ -231,6 +231,7 @@ def _check_output(out: Path, record: Mapping[str, Any], existing: Existing) -> l
         if out.exists():
             raise InputError(f"{out}: a file stands where the data set would go")
         return []
+    remove_leftovers(out)
     entries = _entries(out)
     if not entries:
         return []
@@ -263,7 +264,8 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _is_leftover(path: Path, scenes: set[str]) -> bool:
-    """Whether this is the temporary name of a thing of ours, left by a process that was killed."""
+    """Whether this is the temporary name of a thing of ours, as earlier versions left it when they
+    were killed."""
     match = re.fullmatch(r"\.(\w+)\.[0-9a-f]{8}(\.\w+)?", path.name)
     return match is not None and match[1] + (match[2] or "") in scenes | _BESIDES_SCENES
 
