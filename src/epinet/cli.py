@@ -18,6 +18,7 @@ from epinet.commands.evaluate import evaluate
 from epinet.commands.fade import fade
 from epinet.commands.info import info
 from epinet.commands.mesh import mesh
+from epinet.commands.once import OnceCommand, OnceGroup
 from epinet.commands.predict import predict
 from epinet.commands.refocus import refocus
 from epinet.commands.submit import submit
@@ -29,6 +30,7 @@ from epinet.reading import LIMIT_BYTES, set_limit
 
 app = typer.Typer(
     name="epinet",
+    cls=OnceGroup,
     help="Depth from light fields, from views on disk to a disparity map.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -57,7 +59,7 @@ COMMANDS = (
     validation,
 )
 for command in COMMANDS:
-    app.command()(command)
+    app.command(cls=OnceCommand)(command)
 app.add_typer(weights.app, name="weights")
 
 

@@ -84,7 +84,7 @@ def write(path: Path, lf: LightField) -> None:
     import h5py
 
     with h5py.File(path, "w") as file:
-        file["LF"] = lf.views
+        file.create_dataset("LF", data=lf.views, track_times=False)
         if lf.captured:
             file.attrs["captured"] = True
         if lf.camera is None:
@@ -95,7 +95,8 @@ def write(path: Path, lf: LightField) -> None:
         file.attrs["focalLength"] = focal_length_px
         file.attrs["shift"] = c.baseline_mm * focal_length_px / c.focus_distance_mm
         if lf.truth is not None:
-            file["GT_DEPTH"] = c.depth_mm(lf.truth)
+            depth_mm = c.depth_mm(lf.truth)
+            file.create_dataset("GT_DEPTH", data=depth_mm, track_times=False)
 
 
 def _number(value: Any, name: str, path: Path) -> float:

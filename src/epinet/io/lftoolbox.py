@@ -23,6 +23,8 @@ from epinet.lightfield import LightField
 from epinet.reading import check_decoded, check_regular
 
 _USER_BLOCK_BYTES = 512
+_TEXT_BYTES = 116
+"""Of the description that a .mat file begins with."""
 _V5_LIMIT_BYTES = 2**31 - 1
 _BYTES = {"double": 8, "single": 4} | {f"{sign}int{8 * n}": n for sign in ("u", "") for n in (1, 2, 4, 8)}
 """Of a value, by Matlab's class."""
@@ -61,6 +63,8 @@ def write_v5(path: Path, lf: LightField) -> None:
 
     with path.open("wb") as file:
         savemat(file, {"LF": lf.views})
+        file.seek(0)  # scipy writes the time, so that no file would be like another
+        file.write(b"MATLAB 5.0 MAT-file, written by epinet".ljust(_TEXT_BYTES))
 
 
 def write_v73(path: Path, lf: LightField) -> None:
@@ -69,9 +73,9 @@ def write_v73(path: Path, lf: LightField) -> None:
 
     matlab_class = "single" if lf.views.dtype == np.float32 else lf.views.dtype.name
     with h5py.File(path, "w", userblock_size=_USER_BLOCK_BYTES) as file:
-        file["LF"] = lf.views.T
+        file.create_dataset("LF", data=lf.views.T, track_times=False)
         file["LF"].attrs["MATLAB_class"] = np.bytes_(matlab_class)
-    text = b"MATLAB 7.3 MAT-file, written by epinet".ljust(116)
+    text = b"MATLAB 7.3 MAT-file, written by epinet".ljust(_TEXT_BYTES)
     version_and_byte_order = b"\0" * 8 + b"\x00\x02" + b"IM"
     with path.open("r+b") as raw:
         raw.write(text + version_and_byte_order)
