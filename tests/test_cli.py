@@ -367,7 +367,7 @@ def trains(folder: Path, *arguments: object) -> list[object]:
     return ["train", "-o", folder / "out", *arguments]
 
 
-@case("batch: .*it is 0", "steps: .*it is -5")
+@case("batch: .*not 0", "steps: .*not -5")
 def training_of_what_cannot_be(folder):
     (folder / "mine.yaml").write_text("base: fast-9x9\nbatch: 0\n")
     return trains(folder, "--recipe", folder / "mine.yaml", "--set", "steps=-5")

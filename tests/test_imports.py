@@ -9,8 +9,8 @@ SOURCE = Path(epinet.__file__).parent
 
 LAYERS = (
     {"allocator", "errors", "progress", "shifts", "squares"},
-    {"angular", "camera", "srgb"},
-    {"lightfield"},
+    {"angular", "camera", "reading", "srgb"},
+    {"documents", "lightfield"},
     {"inspect", "metrics", "raw"},
     {"io", "refine"},
     {"geometry", "effects"},

@@ -18,6 +18,7 @@ from epinet.commands.evaluate import evaluate
 from epinet.commands.fade import fade
 from epinet.commands.info import info
 from epinet.commands.mesh import mesh
+from epinet.commands.once import OnceCommand, OnceGroup
 from epinet.commands.predict import predict
 from epinet.commands.refocus import refocus
 from epinet.commands.submit import submit
@@ -25,9 +26,11 @@ from epinet.commands.synth import synth, validation
 from epinet.commands.train import train
 from epinet.commands.wiggle import wiggle
 from epinet.errors import InputError
+from epinet.reading import LIMIT_BYTES, set_limit
 
 app = typer.Typer(
     name="epinet",
+    cls=OnceGroup,
     help="Depth from light fields, from views on disk to a disparity map.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -56,7 +59,7 @@ COMMANDS = (
     validation,
 )
 for command in COMMANDS:
-    app.command()(command)
+    app.command(cls=OnceCommand)(command)
 app.add_typer(weights.app, name="weights")
 
 
@@ -71,8 +74,16 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it and exit.")
     ] = False,
+    read_limit: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            metavar="MB",
+            help="What a file may decode to in memory, if it is not large itself.",
+        ),
+    ] = LIMIT_BYTES // 10**6,
 ) -> None:
-    pass
+    set_limit(read_limit)
 
 
 def main() -> None:

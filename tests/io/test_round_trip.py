@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -140,3 +141,19 @@ def test_a_real_light_field(tmp_path: Path, real: Path, layout: str) -> None:
     lf = replace(lf, views=lf.views[:, :, 100:200, 100:220])
     write_light_field(tmp_path / NAMES[layout], lf, layout)
     check(tmp_path / NAMES[layout], lf, layout)
+
+
+def test_writing_twice_gives_the_same_bytes(
+    tmp_path: Path, make: MakeLightField, camera: Camera
+) -> None:
+    lf = replace(make(9), captured=True, camera=camera, truth=np.zeros((24, 30), np.float32))
+    names = {k: n for k, n in NAMES.items() if not LAYOUTS[k].is_folder} | {"array ": "a.npy"}
+    written = []
+    for folder in ("first", "second"):
+        for layout, name in names.items():
+            write_light_field(tmp_path / folder / name, lf, layout.strip())
+        write_v73(tmp_path / folder / "v73.mat", lf)
+        written.append({f.name: f.read_bytes() for f in (tmp_path / folder).iterdir()})
+        time.sleep(2.1)  # zips tell time by two seconds, Matlab's files by one
+    assert len(written[0]) == 6
+    assert written[0] == written[1]

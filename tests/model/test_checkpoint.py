@@ -1,9 +1,14 @@
 """Weights on disk."""
 
+import json
+
+import pytest
 import torch
 
+from epinet.errors import InputError
 from epinet.model.checkpoint import load_weights, save_weights
 from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.model.sweepnet import SweepNet
 
 
 def test_weights_come_back_in_half_precision_with_all_they_say(tmp_path):
@@ -20,3 +25,69 @@ def test_weights_come_back_in_half_precision_with_all_they_say(tmp_path):
         back = weights.net.state_dict()[name]
         assert back.dtype == tensor.dtype
         assert torch.allclose(back.float(), tensor.float(), rtol=1e-3, atol=1e-6)
+
+
+def tampered(path, **changes):
+    """A small file of weights with other texts, or tensors by their names."""
+    from safetensors.torch import save
+
+    net = Epinet(EpinetConfig(views=3, stream_width=2))
+    texts = {"format": "epinet-1", "model": "epinet", "metadata": "{}"}
+    texts["config"] = json.dumps(net.config.as_dict())
+    tensors = dict(net.state_dict())
+    for name, value in changes.items():
+        if isinstance(value, torch.Tensor):
+            tensors[name.replace("__", ".")] = value
+        else:
+            texts[name] = value
+    path.write_bytes(save(tensors, metadata=texts))
+    return path
+
+
+def test_a_small_file_as_it_should_be_is_read(tmp_path):
+    assert load_weights(tampered(tmp_path / "w.safetensors")).views == (3,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"config": "[" * 5000}, "configuration: nested too deeply"),
+        ({"config": '{"streams": 4, "views": 3, "stream_width": 1e9}'}, "stream_width: .*2048"),
+        ({"config": '{"streams": "x", "views": 3}'}, "streams: .*integer"),
+        ({"config": '{"streams": 4, "views": 3, "more": 1}'}, "more"),
+        ({"config": '{"merge_blocks": 1000000}'}, "merge_blocks"),
+        ({"config": '{"views": 3, "stream_width": 2048}'}, "tensor .* its configuration has"),
+        ({"config": "[]"}, "configuration: .*dictionary"),
+        ({"model": "sweepnet"}, "spacing_px|not known|configuration"),
+        ({"model": "transformer"}, "model: .*'epinet' or 'sweepnet'"),
+        ({"metadata": "[]"}, "metadata: .*dictionary"),
+        ({"metadata": '{"disparity_range_px": [-1]}'}, "disparity_range_px"),
+        ({"metadata": '{"disparity_range_px": [-1, 1e400]}'}, "disparity_range_px.1"),
+        ({"metadata": '{"calibration": {"even_px": 0, "steepness": 2}}'}, "calibration.even_px"),
+        ({"metadata": '{"calibration": 3}'}, "calibration: "),
+        ({"metadata": '{"steps": "many"}'}, "steps: "),
+        ({"head__2__bias": torch.tensor([float("nan")])}, r"head\.2\.bias holds .* not finite"),
+        ({"head__2__bias": torch.zeros(2)}, r"head\.2\.bias' is \(2,\), .* has \(1,\)"),
+        ({"spare": torch.zeros(2)}, "'spare' is .* none of that name"),
+    ],
+)
+def test_what_weights_say_is_checked_before_they_are_used(tmp_path, changes, says):
+    with pytest.raises(InputError, match=says) as refused:
+        load_weights(tampered(tmp_path / "w.safetensors", **changes))
+    assert all(p.startswith(str(tmp_path)) for p in refused.value.problems)
+
+
+def test_a_sweep_without_end_is_refused(tmp_path):
+    net = SweepNet()
+    config = net.config.as_dict()
+    for key, value in (("spacing_px", 1e-6), ("half", config["half"] | {"rounds": 10**6})):
+        path = tmp_path / "w.safetensors"
+        save_weights(path, net, {})
+        data = path.read_bytes()
+        old, new = (json.dumps(json.dumps(c)).encode() for c in (config, config | {key: value}))
+        header = data[8 : 8 + int.from_bytes(data[:8], "little")]
+        changed = header.replace(old, new)
+        assert changed != header
+        path.write_bytes(len(changed).to_bytes(8, "little") + changed + data[8 + len(header) :])
+        with pytest.raises(InputError, match=key):
+            load_weights(path)

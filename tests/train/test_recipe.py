@@ -120,7 +120,7 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
     ("changes", "found"),
     [
         (["bach=4"], "bach"),
-        (["batch=0"], "batch: .*greater than or equal to 1.*it is 0"),
+        (["batch=0"], "batch: .*greater than or equal to 1.*not 0"),
         (["batch=16", "shards=3"], "a batch of 16 cannot be split in 3 shards"),
         (["views=4"], r"views must be one of \(3, 5, 7, 9\), not 4"),
         (["augmentations=[spin]"], "spin unknown; there are view_shift"),

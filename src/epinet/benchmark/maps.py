@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Collection, Mapping
@@ -14,10 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epinet.benchmark.scenes import BENCHMARK_SCENES
+from epinet.documents import validated
 from epinet.errors import InputError
 from epinet.io.names import folder_name, is_shown
+from epinet.io.numpy_file import read_npy
 from epinet.io.pfm import read_scaled_pfm
 from epinet.io.problems import Problems, listed, parsing
+from epinet.predict.record import Timed, read_run
+from epinet.reading import read_bytes
 
 Size = tuple[int, int]
 """(height, width) in pixels."""
@@ -27,6 +30,8 @@ MAPS_FOLDER, RUNTIMES_FOLDER = "disp_maps", "runtimes"
 """Where the benchmark's submissions have them."""
 
 _RESULT_MAPS = ("disparity.pfm", "disparity.npy")
+_MOST_BYTES = 2**16
+"""Of a run time."""
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 """As every program reads one."""
 
@@ -167,7 +172,8 @@ def _stated_seconds(folder: Path, name: str) -> float | None:
     if not stated.exists():
         return None
     with parsing(stated, "text"):
-        return parse_runtime(stated.read_text(), stated)
+        text = read_bytes(stated, _MOST_BYTES).decode("utf-8", errors="replace")
+        return parse_runtime(text, stated)
 
 
 def result_map(folder: Path) -> MapFile:
@@ -185,18 +191,16 @@ def _recorded(file: MapFile) -> MapFile:
     record = file.path.parent / "run.json"
     if file.path.name not in _RESULT_MAPS or not record.exists():
         return file
-    with parsing(record, "the record of a result"):
-        run = json.loads(record.read_text())
-        settings, seconds = run["settings"], math.fsum(run["seconds"].values())
-        step, bounded = settings["step"], None
-        if "stated_px" in settings:
-            bounded = settings["stated_px"] is not None
+    run = validated(Timed, read_run(record), record)
+    step, bounded = run.settings.step, None
+    if "stated_px" in run.settings.model_fields_set:
+        bounded = run.settings.stated_px is not None
     if step != 1:
         raise InputError(
             f"{record}: predicted with --step {step}: the map is in px per {step} views, the "
             "truth in px per adjacent view; predict without --step"
         )
-    return MapFile(file.path, seconds, bounded)
+    return MapFile(file.path, math.fsum(run.seconds.values()), bounded)
 
 
 def parse_runtime(text: str, path: Path | str) -> float:
@@ -217,7 +221,7 @@ def parse_runtime(text: str, path: Path | str) -> float:
 
 def _read_npy(path: Path) -> NDArray[np.float32]:
     with parsing(path, "a numpy file"):
-        array: NDArray[Any] = np.load(path, allow_pickle=False)
+        array = read_npy(path)
         if array.ndim != 2 or array.dtype.kind not in "fiu":
             raise InputError(
                 f"{path}: a map must be one (H, W) array of numbers, "

@@ -12,7 +12,6 @@ import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
 
 from epinet.benchmark.maps import (
     MAPS_FOLDER,
@@ -24,15 +23,19 @@ from epinet.benchmark.maps import (
 )
 from epinet.benchmark.scenes import BENCHMARK_SCENES, BENCHMARK_SIDE_PX
 from epinet.errors import InputError
-from epinet.io.atomic import atomic_path
+from epinet.io.atomic import atomic_path, scratch_folder
 from epinet.io.pfm import decode_pfm, write_pfm
 from epinet.io.problems import Problems, parsing
+from epinet.reading import open_regular
 
 SIZE = (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
 """(height, width) of every map in px."""
 
 LARGEST_BYTES = 16 * 2**20
 """What is larger is no entry of a submission."""
+
+MOST_ENTRIES = 1000
+"""More are not even listed one by one."""
 
 _MADE_AT = (1980, 1, 1, 0, 0, 0)
 """One time for all, so that the same maps make the same zip."""
@@ -58,10 +61,10 @@ def write_submission(path: Path, maps: Mapping[str, MapFile]) -> None:
     Raises:
         InputError: maps that cannot be submitted, or an unwritable path.
     """
-    with atomic_path(path) as temporary, TemporaryDirectory() as folder:
+    with atomic_path(path) as temporary, scratch_folder() as folder:
         with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
             for name in BENCHMARK_SCENES:
-                pfm = Path(folder) / f"{name}.pfm"
+                pfm = folder / f"{name}.pfm"
                 write_pfm(pfm, maps[name].read(SIZE))
                 _add(archive, f"{MAPS_FOLDER}/{name}.pfm", pfm.read_bytes())
                 seconds = f"{maps[name].seconds:.10g}\n"
@@ -76,7 +79,11 @@ def check_submission(path: Path) -> None:
         InputError: everything that is wrong with it.
     """
     problems = Problems()
-    with parsing(path, "a zip"), zipfile.ZipFile(path) as archive:
+    with parsing(path, "a zip"), open_regular(path) as file, zipfile.ZipFile(file) as archive:
+        if len(archive.infolist()) > MOST_ENTRIES:
+            raise InputError(
+                f"{path}: {len(archive.infolist())} entries; a submission has {len(_WANTED)}"
+            )
         entries = [entry for entry in archive.infolist() if not entry.is_dir()]
         problems += _wrong_names([entry.filename for entry in entries], path)
         problems += [

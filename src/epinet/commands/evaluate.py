@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -52,7 +51,7 @@ def evaluate(
     from epinet.benchmark.methods import prepare
     from epinet.benchmark.report import write_report
     from epinet.benchmark.table import text_tables
-    from epinet.io.atomic import check_writable
+    from epinet.io.atomic import check_writable, scratch_folder
     from epinet.io.problems import Problems
     from epinet.metrics.catalogue import benchmark_metrics
     from epinet.metrics.disparity import BADPIX_THRESHOLDS_PX
@@ -68,8 +67,8 @@ def evaluate(
     problems.raise_any()
     if output is not None:
         check_writable(output)
-    with TemporaryDirectory() as temporary:
-        folder = Path(temporary) if output is None else output / "maps"
+    with scratch_folder() as temporary:
+        folder = temporary if output is None else output / "maps"
         found = prepared.run(folder, progress=progress)
         with progress("scores") as advance:
             scored = score_all(found, prepared.scenes, metrics, border_px=border, advance=advance)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -36,6 +35,7 @@ def submit(
     from epinet.benchmark.methods import maps_to_submit
     from epinet.benchmark.submission import check_submission, write_submission
     from epinet.errors import InputError
+    from epinet.io.atomic import scratch_folder
 
     if (method is None or output is None) if check is None else (method or output or data):
         raise InputError("give MAPS_OR_MODEL and -o FILE.zip to write one, or --check FILE.zip")
@@ -45,9 +45,9 @@ def submit(
         return
     assert method is not None and output is not None
     keep_freed_memory()
-    with TemporaryDirectory() as temporary:
+    with scratch_folder() as temporary:
         maps = maps_to_submit(
-            method, data, Path(temporary), output, device=device, progress=progress
+            method, data, temporary, output, device=device, progress=progress
         )
         write_submission(output, maps)
     print(f"12 scenes -> {output}")

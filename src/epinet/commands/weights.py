@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(help="List the weights that come with epinet, or import others.")
+from epinet.commands.once import OnceCommand, OnceGroup
+
+app = typer.Typer(cls=OnceGroup, help="List the weights that come with epinet, or import others.")
 
 
 @app.callback(invoke_without_command=True)
@@ -28,7 +30,7 @@ def _weights(
             print("\n".join([name, *(f"  {line}" for line in weights.lines())]))
 
 
-@app.command("import")
+@app.command("import", cls=OnceCommand)
 def _import(
     file: Annotated[Path, typer.Argument(help="HDF5 file of the reference implementation.")],
     output: Annotated[

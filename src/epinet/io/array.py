@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io.layout import Layout
+from epinet.io.numpy_file import read_npy, read_npz
 from epinet.io.problems import parsing
 from epinet.io.truth import checked_truth
 from epinet.lightfield import LightField
+from epinet.reading import open_regular
 
 _SUFFIXES = (".npy", ".npz")
+_NAMES = ("views", "truth")
 
 
 def recognises(path: Path) -> bool:
@@ -90,14 +93,13 @@ def present_views(views: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
-    with path.open("rb") as file:
-        if not file.read(6).startswith((b"\x93NUMPY", b"PK")):
-            raise InputError(f"{path}: not a numpy file, or its beginning is damaged")
-    loaded = np.load(path, allow_pickle=False)
-    if isinstance(loaded, np.ndarray):
-        return {"views": loaded}
-    with loaded:
-        return dict(loaded)
+    with open_regular(path) as file:
+        beginning = file.read(6)
+    if beginning.startswith(b"\x93NUMPY"):
+        return {"views": read_npy(path)}
+    if beginning.startswith(b"PK"):
+        return read_npz(path, lambda name, axes: name in _NAMES or axes in (4, 5))
+    raise InputError(f"{path}: not a numpy file, or its beginning is damaged")
 
 
 def _views(path: Path, arrays: dict[str, NDArray[Any]]) -> NDArray[Any]:

@@ -11,24 +11,35 @@ and flags of a command may give the rest.
 
 from __future__ import annotations
 
-import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from epinet.camera import Camera
+from epinet.documents import JSON_BYTES, parse_json, parse_yaml, problems_of
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.io.parameters import read_parameters
 from epinet.io.problems import parsing
+from epinet.reading import read_bytes
 
-_Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-_Pixels = Annotated[int, Field(gt=0)]
+
+
+def _not_tiny(length: float) -> float:
+    if length < 1e-9:
+        raise ValueError("Input should be at least 1e-9")
+    return length
+
+
+_Length = Annotated[float, Field(gt=0, le=1e12), AfterValidator(_not_tiny)]
+"""Of anything that a camera could be; other numbers overflow where they are multiplied."""
+_Pixels = Annotated[int, Field(gt=0, le=2**20)]
 
 _CAMERA_FIELDS = tuple(field.name for field in fields(Camera))
 _JSON, _YAML, _CFG = ".json", (".yaml", ".yml"), ".cfg"
@@ -42,7 +53,7 @@ class CameraFacts(BaseModel):
     focal_length_mm: _Length | None = None
     sensor_size_mm: _Length | None = None
     """The sensor's longer side."""
-    fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
+    fov_deg: Annotated[float, Field(ge=1e-3, lt=180)] | None = None
     """Field of view across the picture's longer side; instead of focal length and sensor."""
     baseline_mm: _Length | None = None
     """Distance between adjacent views."""
@@ -61,7 +72,8 @@ class CameraFacts(BaseModel):
             raise ValueError("give either the field of view or focal length and sensor size")
         if self.baseline_mm is not None and self.baseline_focal_mm_px is not None:
             raise ValueError("give either baseline_mm or baseline_focal_mm_px")
-        if self.focus_distance_mm == 0 or math.isnan(self.focus_distance_mm or 1.0):
+        focus = self.focus_distance_mm
+        if focus is not None and not abs(focus) >= 1e-9:
             raise ValueError("the focus distance must be a number other than 0, or inf")
         return self
 
@@ -178,9 +190,12 @@ def camera_facts(values: Mapping[str, Any], origin: object) -> CameraFacts:
         InputError: each value that cannot be, naming `origin`.
     """
     try:
-        return CameraFacts(**values)
+        return CameraFacts.model_validate(values)
     except ValidationError as error:
-        raise InputError([f"{origin}: {_text(e)}" for e in error.errors()]) from error
+        names = ", ".join(CameraFacts.model_fields)
+        described = f"is not known; a camera is described by {names}"
+        problems = problems_of(error, origin)
+        raise InputError([re.sub("is not known$", described, p) for p in problems]) from error
 
 
 def read_camera(path: str | Path) -> CameraFacts:
@@ -199,8 +214,8 @@ def read_camera(path: str | Path) -> CameraFacts:
     if suffix not in (_JSON, *_YAML):
         raise InputError(f"{path}: a camera file ends in .json, .yaml, .yml or .cfg")
     with parsing(path, "a camera file"):
-        text = path.read_text(encoding="utf-8")
-        values = json.loads(text) if suffix == _JSON else yaml.safe_load(text)
+        data = read_bytes(path, JSON_BYTES)
+        values = parse_json(data, path) if suffix == _JSON else parse_yaml(data, path)
     if not isinstance(values, dict):
         raise InputError(f"{path}: a camera file holds names and values, such as baseline_mm: 11")
     return camera_facts(values, path)
@@ -221,12 +236,3 @@ def write_camera(path: str | Path, facts: CameraFacts) -> None:
         text = facts.as_json() + "\n"
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def _text(error: Any) -> str:
-    where = ".".join(map(str, error["loc"]))
-    if error["type"] == "extra_forbidden":
-        names = ", ".join(CameraFacts.model_fields)
-        return f"{where} is not known; a camera is described by {names}"
-    message = error["msg"].removeprefix("Value error, ")
-    return f"{where}: {message}, not {error['input']}" if where else message

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from epinet.angular import star_positions
 from epinet.errors import InputError
-from epinet.io.images import check_samples, read_image, write_png
+from epinet.io.images import check_decoded_images, check_samples, read_image, write_png
 from epinet.io.problems import Problems, listed
 from epinet.lightfield import LightField
 
@@ -59,7 +59,9 @@ def read_grid(
         for row, col in star
         if (row, col) not in inside
     )
-    images = _read_all(inside, problems)
+    with problems.gather():
+        check_decoded_images(folder, inside.values())
+        images = _read_all(inside, problems)
     problems.raise_any()
 
     first = next(iter(images.values()))

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from epinet.errors import InputError
 from epinet.inspect.order import Arrangement, check_order
 from epinet.io.array import light_field_of
+from epinet.io.hdf5 import array_of, member, open_hdf5
 from epinet.io.layout import Layout
-from epinet.io.problems import parsing
 from epinet.io.truth import checked_truth
 from epinet.lightfield import LightField
 
@@ -44,15 +44,12 @@ def read(path: Path) -> LightField:
     Raises:
         InputError: a damaged file, no usable /LF, or a depth of another size.
     """
-    import h5py
-
-    with parsing(path, "HDF5"), h5py.File(path, "r") as file:
-        if "LF" not in file:
-            raise InputError(f"{path}: no dataset /LF; it holds {', '.join(file) or 'nothing'}")
-        array = file["LF"][...]
-        depth = file["GT_DEPTH"][...] if "GT_DEPTH" in file else None
+    with open_hdf5(path) as file:
+        array = array_of(file, "LF", path)
+        has_depth = member(file, "GT_DEPTH", path) is not None
+        depth = array_of(file, "GT_DEPTH", path) if has_depth else None
         captured = bool(file.attrs.get("captured", False))
-        attributes = {name: float(np.ravel(file.attrs[name])[0]) for name in _stated(file.attrs)}
+        attributes = {name: _number(file.attrs[name], name, path) for name in _stated(file.attrs)}
     lf = replace(_left_to_right(light_field_of(array, path)), captured=captured)
     if depth is None:
         return lf
@@ -87,7 +84,7 @@ def write(path: Path, lf: LightField) -> None:
     import h5py
 
     with h5py.File(path, "w") as file:
-        file["LF"] = lf.views
+        file.create_dataset("LF", data=lf.views, track_times=False)
         if lf.captured:
             file.attrs["captured"] = True
         if lf.camera is None:
@@ -98,7 +95,15 @@ def write(path: Path, lf: LightField) -> None:
         file.attrs["focalLength"] = focal_length_px
         file.attrs["shift"] = c.baseline_mm * focal_length_px / c.focus_distance_mm
         if lf.truth is not None:
-            file["GT_DEPTH"] = c.depth_mm(lf.truth)
+            depth_mm = c.depth_mm(lf.truth)
+            file.create_dataset("GT_DEPTH", data=depth_mm, track_times=False)
+
+
+def _number(value: Any, name: str, path: Path) -> float:
+    first = np.ravel(value)[:1]
+    if first.size == 0 or first.dtype.kind not in "uif" or not np.isfinite(first[0]):
+        raise InputError(f"{path}: the attribute {name} is no finite number")
+    return float(first[0])
 
 
 def _stated(attributes: Mapping[str, Any]) -> list[str]:
@@ -107,9 +112,10 @@ def _stated(attributes: Mapping[str, Any]) -> list[str]:
 
 def _disparity_px(depth: NDArray[Any], attributes: Mapping[str, float]) -> NDArray[np.float32]:
     """NaN where the depth is not positive; infinitely far is -shift."""
-    depth = np.where(depth > 0, depth, np.nan).astype(np.float64)
-    disparity = attributes["dH"] * attributes["focalLength"] / depth - attributes["shift"]
-    return disparity.astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):  # `checked_truth` refuses what is infinite
+        depth = np.where(depth > 0, depth, np.nan).astype(np.float64)
+        disparity = attributes["dH"] * attributes["focalLength"] / depth - attributes["shift"]
+        return disparity.astype(np.float32)
 
 
 LAYOUT = Layout(

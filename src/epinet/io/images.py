@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,12 @@ from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.io.names import is_shown
 from epinet.io.problems import parsing
+from epinet.reading import check_allowed, check_decoded, open_regular, read_bytes, stored_bytes
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"})
+
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP")
+"""What is decoded, whatever its ending: Pillow knows others, some of which run programs."""
 
 _PNG_END = b"IEND\xaeB`\x82"
 _TIFF_BITS_PER_SAMPLE, _TIFF_PLANAR_CONFIGURATION = 258, 284
@@ -41,7 +46,7 @@ def read_image(path: str | Path) -> NDArray[Any]:
     """
     path = Path(path)
     with parsing(path, "an image"):
-        data = path.read_bytes()
+        data = read_bytes(path)
         image = _intact(path, data)
         if image.mode.startswith("I;16"):
             return np.asarray(image).astype(np.uint16)[..., None]
@@ -63,7 +68,7 @@ def read_mask(path: str | Path) -> NDArray[np.bool_]:
     """
     path = Path(path)
     with parsing(path, "an image"):
-        image = _intact(path, path.read_bytes())
+        image = _intact(path, read_bytes(path))
         if image.has_transparency_data:
             return np.asarray(image.convert("RGBA"))[..., 3] > 0
         pixels = np.asarray(image.convert("RGB") if image.mode == "P" else image)
@@ -105,8 +110,11 @@ def write_png(path: str | Path, image: NDArray[Any]) -> None:
 
 def _intact(path: Path, data: bytes) -> Image.Image:
     """Decode fully; `verify` first, as only it checks the sums of a PNG."""
+    Image.init()  # Pillow loads few formats by itself
     try:
-        Image.open(io.BytesIO(data)).verify()
+        image = Image.open(io.BytesIO(data), formats=_FORMATS)
+        check_decoded(path, decoded_bytes(image), "the image")
+        image.verify()
     except UnidentifiedImageError as error:
         raise InputError(f"{path}: not an image, or its beginning is damaged") from error
     except Image.DecompressionBombError as error:
@@ -114,11 +122,33 @@ def _intact(path: Path, data: bytes) -> Image.Image:
             f"{path}: too large for one image ({error}); a folder of one image per view, or an "
             ".npz or .h5 file, may hold as much"
         ) from error
-    image = Image.open(io.BytesIO(data))
+    image = Image.open(io.BytesIO(data), formats=_FORMATS)
     image.load()
     if image.format == "PNG" and _PNG_END not in data:
         raise InputError(f"{path}: the end of the file is missing; copy or download it again")
     return image
+
+
+def decoded_bytes(image: Image.Image) -> int:
+    """An upper bound of what an image takes in memory, by its header."""
+    wide = image.mode.startswith(("I", "F")) or image.mode in ("RGB", "RGBA")  # or 16 bits a sample
+    return image.width * image.height * len(image.getbands()) * (2 if wide else 1)
+
+
+def check_decoded_images(folder: Path, files: Iterable[Path]) -> None:
+    """Refuse images of a folder that together would take more memory than they may.
+
+    Raises:
+        InputError: they would, or one is no regular file.
+    """
+    Image.init()
+    needed = on_disk = 0
+    for file in files:
+        with parsing(file, "an image"), open_regular(file) as opened:
+            on_disk += stored_bytes(file)
+            with suppress(UnidentifiedImageError, Image.DecompressionBombError):  # said later
+                needed += decoded_bytes(Image.open(opened, formats=_FORMATS))
+    check_allowed(folder, needed, on_disk, "its images")
 
 
 def _bits_per_sample(image: Image.Image, data: bytes) -> int:

@@ -7,6 +7,7 @@ reversed.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,18 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io.array import light_field_of
+from epinet.io.hdf5 import array_of, open_hdf5
 from epinet.io.layout import Layout
-from epinet.io.problems import parsing
+from epinet.io.problems import listed, parsing
 from epinet.lightfield import LightField
+from epinet.reading import check_decoded, check_regular
 
 _USER_BLOCK_BYTES = 512
+_TEXT_BYTES = 116
+"""Of the description that a .mat file begins with."""
 _V5_LIMIT_BYTES = 2**31 - 1
+_BYTES = {"double": 8, "single": 4} | {f"{sign}int{8 * n}": n for sign in ("u", "") for n in (1, 2, 4, 8)}
+"""Of a value, by Matlab's class."""
 
 
 def recognises(path: Path) -> bool:
@@ -37,6 +44,7 @@ def read(path: Path) -> LightField:
     import h5py
 
     with parsing(path, "a .mat file"):
+        check_regular(path)
         array = _read_v73(path) if h5py.is_hdf5(path) else _read_v5(path)
     return light_field_of(array, path)
 
@@ -55,6 +63,8 @@ def write_v5(path: Path, lf: LightField) -> None:
 
     with path.open("wb") as file:
         savemat(file, {"LF": lf.views})
+        file.seek(0)  # scipy writes the time, so that no file would be like another
+        file.write(b"MATLAB 5.0 MAT-file, written by epinet".ljust(_TEXT_BYTES))
 
 
 def write_v73(path: Path, lf: LightField) -> None:
@@ -63,9 +73,9 @@ def write_v73(path: Path, lf: LightField) -> None:
 
     matlab_class = "single" if lf.views.dtype == np.float32 else lf.views.dtype.name
     with h5py.File(path, "w", userblock_size=_USER_BLOCK_BYTES) as file:
-        file["LF"] = lf.views.T
+        file.create_dataset("LF", data=lf.views.T, track_times=False)
         file["LF"].attrs["MATLAB_class"] = np.bytes_(matlab_class)
-    text = b"MATLAB 7.3 MAT-file, written by epinet".ljust(116)
+    text = b"MATLAB 7.3 MAT-file, written by epinet".ljust(_TEXT_BYTES)
     version_and_byte_order = b"\0" * 8 + b"\x00\x02" + b"IM"
     with path.open("r+b") as raw:
         raw.write(text + version_and_byte_order)
@@ -74,23 +84,21 @@ def write_v73(path: Path, lf: LightField) -> None:
 def _read_v5(path: Path) -> NDArray[Any]:
     from scipy.io import loadmat, whosmat
 
-    variables = [name for name, _, _ in whosmat(path)]
+    variables = {name: (shape, kind) for name, shape, kind in whosmat(path)}
     if "LF" not in variables:
-        raise _no_lf(path, variables)
+        raise InputError(
+            f"{path}: no variable LF; it holds {listed(list(variables)) or 'nothing'}"
+        )
+    shape, kind = variables["LF"]
+    if kind not in _BYTES:
+        raise InputError(f"{path}: LF is a {kind} array of Matlab, not one of numbers")
+    check_decoded(path, math.prod(shape) * _BYTES[kind], "LF")
     return np.asarray(loadmat(path, variable_names=["LF"])["LF"])
 
 
 def _read_v73(path: Path) -> NDArray[Any]:
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        if "LF" not in file:
-            raise _no_lf(path, list(file))
-        return np.asarray(file["LF"][...]).T
-
-
-def _no_lf(path: Path, found: list[str]) -> InputError:
-    return InputError(f"{path}: no variable LF; it holds {', '.join(found) or 'nothing'}")
+    with open_hdf5(path, "a .mat file") as file:
+        return array_of(file, "LF", path).T
 
 
 LAYOUT = Layout(

@@ -11,7 +11,9 @@ from epinet.camera import Camera
 from epinet.errors import InputError
 from epinet.io.problems import Problems, parsing
 from epinet.lightfield import LightField
+from epinet.reading import read_bytes
 
+_MOST_BYTES = 2**20
 _INTRINSICS = (
     "focal_length_mm",
     "sensor_size_mm",
@@ -41,7 +43,7 @@ def read_parameters(path: Path) -> Parameters:
     """
     config = configparser.ConfigParser(interpolation=None)
     with parsing(path, "a parameters.cfg"):
-        config.read_string(path.read_text(encoding="utf-8"))
+        config.read_string(read_bytes(path, _MOST_BYTES).decode("utf-8"))
     problems = Problems()
     side: int | None = None
     camera: Camera | None = None

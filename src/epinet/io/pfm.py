@@ -9,6 +9,7 @@ benchmark's own toolkit does.
 from __future__ import annotations
 
 import math
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,12 @@ from numpy.typing import NDArray
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.io.problems import parsing
+from epinet.reading import open_regular, read_bytes
 
 _GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
 _HEADER = re.compile(rb"(P[Ff])" + _GAP + rb"(\S+)" + _GAP + rb"(\S+)" + _GAP + rb"(\S+)")
+_LONGEST_HEADER = 2**16
+"""Bytes; comments have some room."""
 _LINE_END = re.compile(rb"[ \t]*(?:#[^\r\n]*)?(?:\r\n|\n|\r)")
 
 
@@ -98,9 +102,22 @@ def write_pfm(
 
 def _read(path: str | Path) -> tuple[NDArray[np.float32], float]:
     path = Path(path)
-    with parsing(path, "PFM"):
-        data = path.read_bytes()
+    with parsing(path, "PFM"), open_regular(path) as file:
+        _check_size(path, file.read(_LONGEST_HEADER), os.fstat(file.fileno()).st_size)
+        data = read_bytes(path)
     return decode_pfm(data, path)
+
+
+def _check_size(path: Path, beginning: bytes, size: int) -> None:
+    """Refuse a file that its header does not fit before all of it is read."""
+    header = _HEADER.match(beginning)
+    if header is None:
+        decode_pfm(beginning, path)  # says what is wrong with it
+        return
+    magic, width, height, _ = header.groups()
+    needed = 4 * _size(path, width) * _size(path, height) * (3 if magic == b"PF" else 1)
+    if not needed < size <= needed + _LONGEST_HEADER:
+        raise _misfit(path, (_size(path, height), _size(path, width)), needed, size - header.end() - 1)
 
 
 def _size(path: Path | str, text: bytes) -> int:
@@ -127,8 +144,14 @@ def _data_start(path: Path | str, data: bytes, header_end: int, shape: tuple[int
     expected = 4 * math.prod(shape)
     start = len(data) - expected
     if start <= header_end or not _LINE_END.fullmatch(data, header_end, start):
-        raise InputError(
-            f"{path}: the header says {shape[1]}x{shape[0]} px, {expected} bytes of values, but "
-            f"{max(0, len(data) - header_end - 1)} follow it; the file is incomplete or damaged"
-        )
+        raise _misfit(path, shape, expected, len(data) - header_end - 1)
     return start
+
+
+def _misfit(
+    path: Path | str, shape: tuple[int, ...], expected: int, found: int
+) -> InputError:
+    return InputError(
+        f"{path}: the header says {shape[1]}x{shape[0]} px, {expected} bytes of values, but "
+        f"{max(0, found)} follow it; the file is incomplete or damaged"
+    )

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
+import torch
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from epinet.documents import parse_json, problems_of, short, validated
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.model.sweepnet import SweepNet, SweepNetConfig
+from epinet.reading import read_bytes
 
 FORMAT = "epinet-1"
 LOCAL_CONTRAST = "local contrast"
@@ -39,6 +44,51 @@ MODELS: dict[str, tuple[type[Network], type[EpinetConfig] | type[SweepNetConfig]
 """The networks by name, each with its configuration; the first is used unless told otherwise."""
 
 DEFAULT_MODEL = next(iter(MODELS))
+
+LARGEST_BYTES = 2**28
+"""Of a weights file; the shipped ones have up to 10 MB."""
+
+_Disparity = Annotated[float, Field(ge=-1e4, le=1e4)]
+
+
+class _Header(BaseModel):
+    """Metadata of the safetensors file, all of them texts."""
+
+    format: Literal["epinet-1"]
+    model: Literal["epinet", "sweepnet"] = EPINET
+    config: str
+    metadata: str
+
+
+class _Calibration(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid")
+    even_px: Annotated[float, Field(gt=1e-6, le=1e6)]
+    steepness: Annotated[float, Field(ge=1e-3, le=100)]
+
+
+class _Data(BaseModel):
+    model_config = ConfigDict(strict=True, extra="allow")
+    generator: str | None = None
+    folders: list[str] = []
+
+
+class _Recipe(BaseModel):
+    model_config = ConfigDict(strict=True, extra="allow")
+    name: str | None = None
+
+
+class _About(BaseModel):
+    """What is used of what weights say about themselves; they may say more."""
+
+    model_config = ConfigDict(strict=True, extra="allow")
+    input: str | None = None
+    disparity_range_px: tuple[_Disparity, _Disparity] | None = Field(None, strict=False)
+    calibration: _Calibration | None = None
+    steps: int | None = None
+    data: _Data | None = None
+    recipe: _Recipe | None = None
+    scores: dict[str, float] | None = None
+    validated_on: str | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +129,7 @@ class Weights:
             low, high = self.disparity_range_px
             lines.append(f"range     {low:g}..{high:g} px per adjacent view")
         if about.get("steps"):
-            data, recipe = about.get("data", {}), about.get("recipe", {})
+            data, recipe = about.get("data") or {}, about.get("recipe") or {}
             learned = []
             if "generator" in data:
                 learned.append(f"scenes {data['generator']} of seed {data.get('seed')}")
@@ -88,11 +138,12 @@ class Weights:
                 f"training  recipe {recipe.get('name')}, {about['steps']} steps, "
                 + ", ".join(learned)
             )
-        if scores := about.get("scores"):
+        scores = about.get("scores") or {}
+        if {"badpix_0.07", "mse_x100"} <= scores.keys():
             lines.append(
                 f"scores    BadPix(.07) {scores['badpix_0.07']:.2f} %, "
                 f"MSE x100 {scores['mse_x100']:.2f} on "
-                + about.get("validated_on", "rendered scenes held out")
+                + (about.get("validated_on") or "rendered scenes held out")
             )
         return [*lines, f"file      {self.source}"]
 
@@ -166,26 +217,54 @@ def load_weights(path: Path | str) -> Weights:
         raise InputError(
             f"{file}: no such weights file, and none of the shipped {', '.join(shipped)}"
         )
+    data = read_bytes(file, LARGEST_BYTES)
     try:
         with safe_open(file, framework="pt") as stored:
-            header = stored.metadata() or {}
-            digest = hashlib.sha256(file.read_bytes()).hexdigest()
+            texts = stored.metadata() or {}
             tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
         raise InputError(f"{file}: not a readable safetensors file ({error})") from error
-    if header.get("format") != FORMAT:
+    if texts.get("format") != FORMAT:
         raise InputError(
             f"{file}: safetensors, but not weights of epinet (its metadata lacks format={FORMAT})"
         )
+    header = validated(_Header, texts, f"{file}, its metadata")
+    metadata = parse_json(header.metadata, f"{file}, its metadata")
+    validated(_About, metadata, f"{file}, its metadata")
+    net = _network(header, tensors, file)
+    return Weights(net.eval(), metadata, str(file), hashlib.sha256(data).hexdigest())
+
+
+def _network(header: _Header, tensors: Mapping[str, Tensor], file: Path) -> Network:
+    """The network of a file, which takes no more memory than its tensors say.
+
+    Raises:
+        InputError: its configuration is out of bounds, or its tensors are others or not finite.
+    """
+    kind, config_type = MODELS[header.model]
     try:
-        kind, config = MODELS[header.get("model", EPINET)]
-        net = kind(config(**json.loads(header["config"])))  # type: ignore[arg-type]
-        metadata = json.loads(header["metadata"])
-        net.load_state_dict(
-            {n: t.float() if t.is_floating_point() else t for n, t in tensors.items()}
+        config: Any = TypeAdapter(config_type).validate_python(
+            parse_json(header.config, f"{file}, its configuration")
         )
-        weights = Weights(net.eval(), metadata, str(file), digest)
-        _ = weights.disparity_range_px
-    except (KeyError, IndexError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-        raise InputError(f"{file}: its configuration or tensors do not fit ({error})") from error
-    return weights
+    except ValidationError as error:
+        raise InputError(problems_of(error, f"{file}, its configuration")) from error
+    with torch.device("meta"):  # takes no memory
+        wanted = {name: tuple(t.shape) for name, t in kind(config).state_dict().items()}
+    found = {name: tuple(t.shape) for name, t in tensors.items()}
+    problems = [
+        f"{file}: tensor {short(name)} is {found.get(name, 'missing')}, its configuration has "
+        f"{wanted.get(name, 'none of that name')}"
+        for name in sorted(wanted.keys() | found.keys())
+        if wanted.get(name) != found.get(name)
+    ]
+    if not problems:
+        problems = [
+            f"{file}: tensor {name} holds values that are not finite; take another copy"
+            for name, tensor in tensors.items()
+            if not torch.isfinite(tensor).all()
+        ]
+    if problems:
+        raise InputError(problems[:10])
+    net = kind(config)
+    net.load_state_dict({n: t.float() if t.is_floating_point() else t for n, t in tensors.items()})
+    return net

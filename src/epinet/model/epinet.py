@@ -13,11 +13,13 @@ centre view in pixels per adjacent view (see docs/conventions.md).
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import torch
+from pydantic import Field
+from pydantic.dataclasses import dataclass
 from torch import Tensor, nn
 
 MARGIN_PX = 11
@@ -27,18 +29,18 @@ STREAM_COUNTS = (1, 2, 4)
 VIEW_COUNTS = (3, 5, 7, 9)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config={"extra": "forbid"})
 class EpinetConfig:
-    """Shape of one EPINET."""
+    """Shape of one EPINET. What is out of bounds raises a ValueError (of pydantic)."""
 
     streams: int = 4
     """Directions looked along: 4 (90, 0, 45, -45 degrees), 2 (0, 90) or 1 (0)."""
     views: int = 9
     """Views per stream, N: the grid is N x N."""
-    stream_width: int = 70
+    stream_width: Annotated[int, Field(ge=1, le=2048)] = 70
     """Channels of one stream; the merge part has streams * stream_width."""
-    stream_blocks: int = 3
-    merge_blocks: int = 7
+    stream_blocks: Annotated[int, Field(ge=1, le=32)] = 3
+    merge_blocks: Annotated[int, Field(ge=1, le=32)] = 7
 
     def __post_init__(self) -> None:
         if self.streams not in STREAM_COUNTS:

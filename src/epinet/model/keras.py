@@ -19,9 +19,10 @@ import torch
 from numpy.typing import NDArray
 
 from epinet.errors import InputError
-from epinet.io.problems import parsing
+from epinet.io.hdf5 import array_of, member, open_hdf5
 from epinet.model.checkpoint import Weights
 from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.reading import check_decoded
 
 _WEIGHT = re.compile(
     r"(?P<layer>S[12]_(?:c1|c2|BN)\d|S3_c10|S3_last)(?:_\d+)?/(?P<kind>\w+?)(?::0)?$"
@@ -43,8 +44,8 @@ def read_keras(path: Path) -> Weights:
     Raises:
         InputError: no HDF5 file, or not of that model: names what is missing or does not fit.
     """
-    with parsing(path, "weights of Keras in HDF5"), h5py.File(path) as file:
-        groups = list(_groups(file.get("model_weights", file)))
+    with open_hdf5(path, "weights of Keras in HDF5") as file:
+        groups = list(_groups(member(file, "model_weights", path) or file, path))
     streams = 0
     tensors: dict[str, NDArray[np.float32]] = {}
     for arrays in groups:
@@ -59,25 +60,39 @@ def read_keras(path: Path) -> Weights:
         config = EpinetConfig(streams, views=first.shape[1], stream_width=first.shape[0])
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
+    with torch.device("meta"):  # takes no memory
+        wanted = {
+            name: tuple(t.shape)
+            for name, t in Epinet(config).state_dict().items()
+            if not name.endswith("num_batches_tracked")
+        }
+    _check(tensors, wanted, path)
     net = Epinet(config)
-    _load(net, tensors, path)
+    net.load_state_dict({n: torch.from_numpy(a) for n, a in tensors.items()}, strict=False)
     return Weights(net.eval(), {"input": "gray", "imported_from": path.name}, str(path))
 
 
-def _groups(root: Any) -> Iterator[dict[str, NDArray[np.float32]]]:
+def _groups(root: Any, path: Path) -> Iterator[dict[str, NDArray[np.float32]]]:
     """Arrays of each part of the model by "layer/kind"; parts in the model's order."""
+    needed = 0
     for name in root.attrs.get("layer_names", sorted(root)):
-        part = root[name.decode() if isinstance(name, bytes) else name]
+        name = name.decode() if isinstance(name, bytes) else str(name)
+        part = member(root, name, path)
+        if not isinstance(part, h5py.Group):
+            raise InputError(f"{path}: {name} is no group of a layer's weights")
         keys: list[str] = []
-        part.visit(keys.append)
+        part.visit(keys.append)  # it follows no links
         arrays = {}
         for key in keys:
             match = _WEIGHT.search(key)
             if match is not None and isinstance(part[key], h5py.Dataset):
-                array = part[key][()]
+                needed += part[key].nbytes
+                check_decoded(path, needed, "its arrays")
+                array = array_of(part, key, path)
                 kernel = np.ndim(array) == 4  # (height, width, in, out)
                 values = np.transpose(array, (3, 2, 0, 1)) if kernel else array
-                arrays[f"{match['layer']}/{match['kind']}"] = np.array(values, np.float32)
+                values = np.ascontiguousarray(values, np.float32)
+                arrays[f"{match['layer']}/{match['kind']}"] = values
         if arrays:
             yield arrays
 
@@ -95,20 +110,20 @@ def _ours(name: str, stream: int) -> str:
     return f"{where}.{block}.{_PLACE_IN_BLOCK[place]}.{ours}"
 
 
-def _load(net: Epinet, arrays: dict[str, NDArray[np.float32]], path: Path) -> None:
-    wanted = {n: t for n, t in net.state_dict().items() if not n.endswith("num_batches_tracked")}
+def _check(
+    arrays: dict[str, NDArray[np.float32]], wanted: dict[str, tuple[int, ...]], path: Path
+) -> None:
     problems = []
     for name in sorted(wanted.keys() | arrays.keys()):
         if name not in arrays:
             problems.append(f"{path}: {name} is missing")
         elif name not in wanted:
             problems.append(f"{path}: {name} is of no layer of the published network")
-    tensors = {}
-    for name in wanted.keys() & arrays.keys():
-        tensors[name] = torch.from_numpy(np.ascontiguousarray(arrays[name]))
-        there, here = tuple(tensors[name].shape), tuple(wanted[name].shape)
-        if there != here:
-            problems.append(f"{path}: {name} is {there}, the published network has {here}")
+        elif arrays[name].shape != wanted[name]:
+            problems.append(
+                f"{path}: {name} is {arrays[name].shape}, the published network has {wanted[name]}"
+            )
+        elif not np.isfinite(arrays[name]).all():
+            problems.append(f"{path}: {name} holds values that are not finite; take another copy")
     if problems:
         raise InputError(problems)
-    net.load_state_dict(tensors, strict=False)

@@ -21,11 +21,12 @@ pictures first and refined on the way up.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from dataclasses import asdict
+from typing import Annotated, Any, NamedTuple
 
 import torch
+from pydantic import Field
+from pydantic.dataclasses import dataclass
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -59,45 +60,44 @@ SEEN = 2 + PARTS + 2
 """Features of the centre view, least costs, and how distinct the gathered ones are."""
 
 
-@dataclass(frozen=True)
+_Width = Annotated[int, Field(ge=1, le=1024)]
+"""Channels. Bounds are far beyond what was ever trained; weights from elsewhere must not ask for
+all time and memory."""
+
+
+@dataclass(frozen=True, config={"extra": "forbid"})
 class RefineConfig:
     """Shape of one refinement; lengths in pixels of its resolution."""
 
-    spread_px: float
+    spread_px: Annotated[float, Field(gt=0, le=8)]
     """How much nearer and farther it looks."""
-    side: int
-    apart_px: int
+    side: Annotated[int, Field(ge=1, le=15)]
+    apart_px: Annotated[int, Field(ge=1, le=64)]
     """A pixel chooses from the maps at `side` x `side` places, so far apart."""
-    dilations: tuple[int, ...]
+    dilations: Annotated[tuple[Annotated[int, Field(ge=1, le=64)], ...], Field(max_length=32)]
     """Of its residual blocks."""
-    rounds: int
+    rounds: Annotated[int, Field(ge=1, le=16)]
     """How often it is applied, each time to its own result."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "dilations", tuple(self.dilations))  # JSON has lists
-        if self.rounds < 1 or self.side % 2 == 0:
-            raise ValueError(f"rounds {self.rounds}, side {self.side}: one or more, and odd")
+        if self.side % 2 == 0:
+            raise ValueError(f"side {self.side}: must be odd")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config={"extra": "forbid"})
 class SweepNetConfig:
-    """Shape of one SweepNet."""
+    """Shape of one SweepNet. What is out of bounds raises a ValueError (of pydantic)."""
 
-    spacing_px: float = 1.0
+    spacing_px: Annotated[float, Field(ge=0.1, le=16)] = 1.0
     """Between hypotheses."""
-    sweep_width: int = 32
-    fill_width: int = 32
-    context_width: int = 16
+    sweep_width: _Width = 32
+    fill_width: _Width = 32
+    context_width: _Width = 16
     """Channels that the fill passes on to the refinements."""
-    refine_width: int = 32
+    refine_width: _Width = 32
     half: RefineConfig = RefineConfig(0.25, 3, 2, (1, 2, 4, 8, 1), rounds=1)
     full: RefineConfig = RefineConfig(0.15, 5, 2, (1, 4, 1), rounds=2)
     """At half resolution, then at full."""
-
-    def __post_init__(self) -> None:
-        for name in ("half", "full"):
-            if isinstance(values := getattr(self, name), Mapping):  # from JSON
-                object.__setattr__(self, name, RefineConfig(**values))
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 
 from epinet import __version__
+from epinet.documents import validated
 from epinet.errors import InputError
 from epinet.io import LAYOUTS, is_light_field, lytro_raw, named_layout, read_light_field
 from epinet.io.atomic import check_writable
@@ -20,6 +21,7 @@ from epinet.io.images import IMAGE_SUFFIXES
 from epinet.io.names import is_shown
 from epinet.lightfield import LightField
 from epinet.predict.estimator import DEFAULT_MEMORY_MB, Estimator
+from epinet.predict.record import Finished, read_run
 from epinet.predict.result import FILES, Result, check_replaceable
 from epinet.raw.white import BESIDE
 
@@ -235,14 +237,14 @@ def _finished(folder: Path, path: Path, request: dict[str, Any]) -> dict[str, An
     """run.json of a result that answers the request, or None."""
     record = folder / "run.json"
     try:
-        run: Any = json.loads(record.read_text())
+        run = read_run(record)
+        validated(Finished, run, record)
         complete = {p.name for p in folder.iterdir()} >= FILES
         newest = max(p.stat().st_mtime for p in _read_with(path))
         fresh = record.stat().st_mtime >= newest
-    except (OSError, ValueError):
+    except (OSError, InputError):
         return None
-    same = isinstance(run, dict) and run.get("request") == request
-    return run if same and complete and fresh else None
+    return run if run["request"] == request and complete and fresh else None
 
 
 def _read_with(path: Path) -> list[Path]:

@@ -137,6 +137,11 @@ class Estimator:
         aligned = time.perf_counter()
         map_ = self._estimate(weights, used, ensemble, scale, range_px, memory_mb, progress)
         found = enlarge(map_.disparity, scale, lf.size).cpu().numpy()
+        if not np.isfinite(found).all():
+            raise InputError(
+                f"{weights.source}: the network gives disparities that are not finite for "
+                f"{lf.source or 'this light field'}; take other weights"
+            )
         estimated = time.perf_counter()
         if bounded is None:
             bounded = range_px is not None or map_.searched_px is not None
@@ -149,7 +154,7 @@ class Estimator:
             confidence = photo_consistency(used, disparity)
         else:
             expected = enlarge(map_.error, scale, lf.size).cpu().numpy() + beyond
-            confidence = Calibration(**weights.metadata.get(CALIBRATION, {})).confidence(expected)
+            confidence = Calibration(**weights.metadata.get(CALIBRATION) or {}).confidence(expected)
         judged = time.perf_counter()
         if refine:
             disparity = _refined(used, disparity, confidence)
@@ -172,7 +177,7 @@ class Estimator:
                 "range_px": known_px and [round(scale * bound, 2) for bound in known_px],
                 "stated_px": stated_px and list(stated_px),
             },
-            weights={"file": weights.source} | weights.metadata,
+            weights={"file": weights.source} | weights.metadata | {"file": weights.source},
             seconds={
                 "align": aligned - start,
                 "prepare": map_.begun - aligned,
@@ -245,6 +250,8 @@ class Estimator:
                 problems.append(
                     f"the range must be a lesser and a greater disparity, not {low:g},{high:g}"
                 )
+            elif max(-low, high) > max(lf.size):
+                problems.append(f"{name}: disparities of {low:g},{high:g} px are beyond its views")
         fewest = min(w.views[-1] for w in self.weights)
         if min(lf.grid) < fewest:
             problems.append(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epinet.camera import Camera
 from epinet.errors import InputError
 from epinet.inspect.alignment import estimate_alignment
-from epinet.io.camera_file import CameraFacts, facts_of
+from epinet.io.camera_file import CameraFacts, camera_facts
 from epinet.io.images import read_image
 from epinet.io.pfm import read_pfm
-from epinet.io.problems import Problems, parsing
+from epinet.io.problems import Problems
 from epinet.io.read import read_light_field
 from epinet.lightfield import LightField
+from epinet.predict.record import Record, read_record
 from epinet.refine.compensation import compensated
 
 _ANOTHER_SCENE = 0.05
@@ -36,8 +35,8 @@ class StoredResult:
     """(H, W, 3)."""
     confidence: NDArray[np.float32]
     """(H, W) in 0..1."""
-    run: dict[str, Any]
-    """Content of run.json."""
+    run: Record
+    """What run.json says."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -51,11 +50,9 @@ class StoredResult:
         Raises:
             InputError: what it says cannot be.
         """
-        camera = self.run.get("camera")
-        if camera is None:
-            return CameraFacts()
-        with parsing(self.folder / "run.json", "a run's record"):
-            return facts_of(Camera(**camera))
+        camera = self.run.camera or {}
+        known = {name: value for name, value in camera.items() if name in CameraFacts.model_fields}
+        return camera_facts(known, f"{self.folder / 'run.json'}, camera")
 
     def read_views(self, path: Path | None = None) -> LightField:
         """The views that the disparity was estimated from: in the order used then, compensated.
@@ -67,19 +64,19 @@ class StoredResult:
             InputError: they are gone, or others stand there.
         """
         source = path or self._source()
-        flip_rows, flip_cols, transpose = map(bool, self.run["order"])
-        layout = self.run["layout"] if path is None else None  # elsewhere, it may be another
+        flip_rows, flip_cols, transpose = self.run.order
+        layout = self.run.layout if path is None else None  # elsewhere, it may be another
         lf = read_light_field(source, layout).reordered(
             flip_rows=flip_rows, flip_cols=flip_cols, transpose=transpose
         )
-        settings = self.run.get("settings") or {}
-        lf = lf.central(int(self.run["views_used"][0]), int(settings.get("step", 1)))
+        settings = self.run.settings
+        lf = lf.central(self.run.views_used[0], settings.step)
         self._check_same(lf, source)
-        alignment = estimate_alignment(lf) if settings.get("refine") else None
+        alignment = estimate_alignment(lf) if settings.refine else None
         return lf if alignment is None else compensated(lf, alignment)
 
     def _source(self) -> Path:
-        source = self.run.get("input")
+        source = self.run.input
         if source is None or not Path(source).exists():
             where = "nowhere on disk" if source is None else f"at {source}"
             raise InputError(
@@ -110,7 +107,7 @@ def read_result(folder: str | Path) -> StoredResult:
         raise InputError(f"{folder}: not a result folder of epinet predict (no run.json in it)")
     problems = Problems()
     with problems.gather():
-        run = _read_run(folder / "run.json")
+        run = read_record(folder / "run.json")
     with problems.gather():
         disparity = read_pfm(folder / "disparity.pfm")
     with problems.gather():
@@ -131,14 +128,6 @@ def read_result(folder: str | Path) -> StoredResult:
     problems.raise_any()
     scaled = confidence.astype(np.float32) / np.float32(np.iinfo(confidence.dtype).max)
     return StoredResult(folder, disparity, centre_view, scaled, run)
-
-
-def _read_run(path: Path) -> dict[str, Any]:
-    with parsing(path, "a run's record"):
-        run: Any = json.loads(path.read_text())
-    if not isinstance(run, dict) or not run.keys() >= {"views_used", "layout", "order"}:
-        raise InputError(f"{path}: not the record of this version of epinet predict; predict again")
-    return run
 
 
 def _as_rgb8(image: NDArray[Any]) -> NDArray[np.uint8]:

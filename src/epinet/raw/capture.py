@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from epinet.documents import JSON_BYTES
 from epinet.errors import InputError
 from epinet.raw.bayer import packed_bytes, unpack
 from epinet.raw.container import Container, is_container, parse_json, read_container
 from epinet.raw.metadata import Frame, parse_frame
+from epinet.reading import read_bytes
 
 _METADATA_ENDINGS = (".json", ".JSON", ".txt", ".TXT", "_metadata.json")
 _PRIVATE_ENDING = "_private_metadata.json"
@@ -38,7 +40,7 @@ def read_capture(path: Path) -> Capture:
     """
     if path.suffix.lower() == ".raw" and not is_container(path):
         frame = _frame_beside(path)
-        return Capture(frame, unpack_frame(frame, path.read_bytes()))
+        return Capture(frame, unpack_frame(frame, read_bytes(path)))
     container = read_container(path)
     references = _frame_references(container)
     private = references.get("privateMetadataRef", "")
@@ -81,10 +83,10 @@ def frame_of_document(document: dict[str, Any], where: str) -> Frame:
     frame = _first_frame(document.get("master", document))
     if frame is None:
         return parse_frame(document, {}, where)
-    return parse_frame(frame.get("metadata", {}), frame.get("privateMetadata", {}), where)
+    return parse_frame(frame.get("metadata"), frame.get("privateMetadata"), where)
 
 
-def _first_frame(contents: dict[str, Any]) -> dict[str, Any] | None:
+def _first_frame(contents: Any) -> dict[str, Any] | None:
     """The entry of the raw frame: an Illum's is in `frames`, all others in `picture`."""
     try:
         entries = contents["frames"] if "frames" in contents else contents["picture"]["frameArray"]
@@ -118,8 +120,8 @@ def _frame_beside(path: Path) -> Frame:
             f"{path}: {path.stem}.json or {path.stem}.txt with the camera's metadata is missing "
             "beside it; give the .lfp or .lfr file, which holds both"
         )
-    document = parse_json(found.read_bytes(), str(found))
+    document = parse_json(read_bytes(found, JSON_BYTES), str(found))
     private = path.with_name(path.stem + _PRIVATE_ENDING)
     if private.exists() and _first_frame(document.get("master", document)) is None:
-        return parse_frame(document, parse_json(private.read_bytes(), str(private)), str(path))
+        return parse_frame(document, parse_json(read_bytes(private, JSON_BYTES), str(private)), str(path))
     return frame_of_document(document, str(path))

@@ -9,17 +9,21 @@ bytes) padded to 80 bytes, the content, and zeros up to the next section. As fou
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from epinet import documents
 from epinet.errors import InputError
+from epinet.reading import check_regular, open_regular
 
 MAGIC = b"\x89LFP\r\n\x1a\n"
 
 _CONTENTS, _CONTENT = b"\x89LFM\r\n\x1a\n", b"\x89LFC\r\n\x1a\n"
 _HEAD_BYTES = 16
+_CHUNK_BYTES = 2**16
+_MOST_SECTIONS = 10_000
+"""Volumes of calibration data have some hundred."""
 _NAME_BYTES, _NAME_FIELD_BYTES = 45, 80
 _KNOWN_OTHERS = {
     b"\xff\xd8\xff": "a JPEG image",
@@ -53,7 +57,7 @@ class Container:
                 f"{self.path}: section {name} is missing; the file may be incomplete, copy it again"
             )
         offset, length = self.places[name]
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             file.seek(offset)
             data = file.read(length)
         if name != _name_of(data):
@@ -74,7 +78,7 @@ class Container:
 
 def is_container(path: Path) -> bool:
     """Whether a file begins as a container does."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return file.read(len(MAGIC)) == MAGIC
 
 
@@ -84,13 +88,15 @@ def read_container(path: Path) -> Container:
     Raises:
         InputError: another kind of file, or one that is cut off or damaged.
     """
-    size = path.stat().st_size
+    size = check_regular(path).st_size
     places: dict[str, tuple[int, int]] = {}
     contents = None
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         _check_head(path, file.read(_HEAD_BYTES))
         while (place := _next_section(path, file, size)) is not None:
             magic, name, offset, length = place
+            if len(places) == _MOST_SECTIONS:
+                raise InputError(f"{path}: more than {_MOST_SECTIONS} sections; no Lytro file")
             places[name] = offset, length
             if magic == _CONTENTS:
                 contents = name
@@ -108,10 +114,7 @@ def parse_json(data: bytes, where: str) -> dict[str, Any]:
     Raises:
         InputError: it is none.
     """
-    try:
-        value = json.loads(data.rstrip(b"\0 \r\n").decode("utf-8"))
-    except ValueError as error:
-        raise InputError(f"{where}: unreadable metadata ({error})") from error
+    value = documents.parse_json(data.rstrip(b"\0 \r\n"), where)
     if not isinstance(value, dict):
         raise InputError(f"{where}: unreadable metadata (not a JSON object)")
     return value
@@ -135,11 +138,14 @@ def _check_head(path: Path, head: bytes) -> None:
 def _next_section(path: Path, file: BinaryIO, size: int) -> tuple[bytes, str, int, int] | None:
     """(magic, name, offset, length) of the section from here on, or None at the end."""
     here = file.tell()
-    while (byte := file.read(1)) == b"\0":
-        here += 1
-    if not byte:
+    while zeros := file.read(_CHUNK_BYTES):
+        here += len(zeros) - len(zeros.lstrip(b"\0"))
+        if zeros.strip(b"\0"):
+            break
+    else:
         return None
-    head = byte + file.read(_HEAD_BYTES - 1)
+    file.seek(here)
+    head = file.read(_HEAD_BYTES)
     magic = head[: len(_CONTENT)]
     if magic not in (_CONTENTS, _CONTENT) and len(head) == _HEAD_BYTES:
         raise InputError(f"{path}: damaged at byte {here} (no section begins there); copy it again")

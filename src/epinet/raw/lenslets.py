@@ -34,6 +34,8 @@ _MOST_BLOCKS = 40
 _ROUNDS, _LAST_ROUNDS = 2, 4
 _OUTLIER = 3.0
 _FEWEST_BLOCKS = 4
+_MOST_CHANGE = 0.1
+"""Of pitch and direction by one fit, in pitches."""
 _SCATTER_PITCHES = 0.15
 """Offsets that scatter more than this are not those of a grid."""
 
@@ -106,9 +108,15 @@ def fit_grid(image: Image, pitch_px: float, where: str) -> LensletGrid:
     Raises:
         InputError: there is no such grid in it.
     """
-    even = _evened(image, pitch_px)
+    try:
+        return _fit(_evened(image, pitch_px), pitch_px, where)
+    except (np.linalg.LinAlgError, FloatingPointError) as error:  # singular, or not finite
+        raise _no_grid(where, pitch_px) from error
+
+
+def _fit(even: Image, pitch_px: float, where: str) -> LensletGrid:
     grid = _start(even, pitch_px, where)
-    last = max(image.shape)
+    last = max(even.shape)
     reach = min(_CROP_PX / 2, last)
     while reach < last:
         for _ in range(_ROUNDS):
@@ -217,7 +225,16 @@ def _refined(image: Image, grid: LensletGrid, reach: float, where: str) -> Lensl
         weight = np.where(distance > _OUTLIER * scatter + 1e-3, 0, weight)
     moved = np.array([grid.origin, grid.along, grid.down]) + change
     origin, along, down = (_pair(v) for v in moved)
-    return LensletGrid(origin, along, down, scatter)
+    refined = LensletGrid(origin, along, down, scatter)
+    if not _alike(refined, grid):
+        raise _no_grid(where, grid.pitch_px)
+    return refined
+
+
+def _alike(refined: LensletGrid, start: LensletGrid) -> bool:
+    """Whether a fit stayed near its start; a singular one may be anywhere, or not finite."""
+    moved = np.array([refined.along, refined.down]) - np.array([start.along, start.down])
+    return bool(np.abs(moved).max() < _MOST_CHANGE * start.pitch_px)  # false of NaN
 
 
 def _block_offset(

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from epinet.documents import short
 from epinet.errors import InputError
 from epinet.raw.bayer import BITS, UPPER_LEFT_PIXELS
 
@@ -14,6 +15,11 @@ CHANNELS = ("r", "gr", "gb", "b")
 EXPOSURE_OFFSETS = {"F01": 1.0, "ILLUM": 0.0, "B01": 0.0}
 """Known models (B01 is the Illum in its calibration data), and the stops that are added to the
 stated exposure bias, as the Light Field Toolbox does."""
+
+_PITCHES_PX = (4.0, 64.0)
+"""Of lenslets: 10 in the F01, 14 in the Illum."""
+_MOST_STOPS = 20.0
+_LONGEST_SERIAL = 100
 
 _PACKING_ENDIANNESS = {10: "little", 12: "big"}
 
@@ -58,7 +64,7 @@ class Frame:
         return self.lens_pitch_mm / self.pixel_pitch_mm
 
 
-def parse_frame(metadata: dict[str, Any], private: dict[str, Any], where: str) -> Frame:
+def parse_frame(metadata: Any, private: Any, where: str) -> Frame:
     """Read the metadata of a frame as either camera writes them.
 
     Captures of the Illum keep the raw's details in `image`, all others in `image.rawDetails`.
@@ -75,12 +81,12 @@ def parse_frame(metadata: dict[str, Any], private: dict[str, Any], where: str) -
     model = reader.text("camera.model")
     if model not in EXPOSURE_OFFSETS:
         raise InputError(
-            f"{where}: camera model {model!r} is not known; the raw files of the Lytro F01 and "
+            f"{where}: camera model {short(model)} is not known; the raw files of the Lytro F01 and "
             "the Lytro ILLUM can be read. Other cameras: convert with their own software to views"
         )
     details = "image.rawDetails" if reader.has("image.rawDetails") else "image"
     matrix_key = "ccm" if reader.has("image.color.ccm") else "ccmRgbToSrgbArray"
-    gains = {c: reader.number(f"image.color.whiteBalanceGain.{c}") for c in CHANNELS}
+    gains = {c: reader.length(f"image.color.whiteBalanceGain.{c}") for c in CHANNELS}
     has_lambda = reader.has("devices.lens.infinityLambda")
     frame = Frame(
         where=where,
@@ -104,14 +110,15 @@ def parse_frame(metadata: dict[str, Any], private: dict[str, Any], where: str) -
         exposure_s=reader.number("devices.shutter.frameExposureDuration"),
     )
     _check_pixels(reader, frame, details)
+    _check_optics(reader, frame)
     reader.raise_any()
     return frame
 
 
-def _serial(private: dict[str, Any]) -> str | None:
-    camera = private.get("camera")
+def _serial(private: Any) -> str | None:
+    camera = private.get("camera") if isinstance(private, dict) else None
     serial = camera.get("serialNumber") if isinstance(camera, dict) else None
-    return None if serial is None else str(serial)
+    return None if serial is None else str(serial)[:_LONGEST_SERIAL]
 
 
 def _check_pixels(reader: _Reader, frame: Frame, details: str) -> None:
@@ -125,9 +132,25 @@ def _check_pixels(reader: _Reader, frame: Frame, details: str) -> None:
     reader.check(first in known, f"{details}.mosaic.upperLeftPixel", f"one of {known}", first)
     contrasts = [frame.white[c] - frame.black[c] for c in CHANNELS]
     due_contrast = "white levels above the black ones"
-    reader.check(min(contrasts) > 0, f"{details}.pixelFormat", due_contrast, contrasts)
+    reader.check(min(contrasts) >= 1, f"{details}.pixelFormat", due_contrast, contrasts)
     height, width = frame.size
     reader.check(height % 2 == width % 4 == 0, "image.width", "a multiple of 4", frame.size)
+
+
+def _check_optics(reader: _Reader, frame: Frame) -> None:
+    """Note what no lens and no exposure can have, and what arithmetic cannot take."""
+    for key, value, (low, high) in (
+        ("devices.mla.lensPitch", frame.pitch_px, _PITCHES_PX),
+        ("image.modulationExposureBias", frame.exposure_bias, (-_MOST_STOPS, _MOST_STOPS)),
+        ("devices.lens.focalLength", frame.focal_length_mm, (1e-2, 1e5)),
+        ("devices.lens.fNumber", frame.f_number, (1e-2, 1e4)),
+        ("devices.lens.infinityLambda", frame.infinity_lambda or 0.0, (-1e6, 1e6)),
+        ("image.color", max(map(abs, (*frame.gains, *frame.matrix))), (0.0, 1e3)),
+        ("devices.lens.zoomStep", frame.zoom_step, (-1e9, 1e9)),
+        ("devices.lens.focusStep", frame.focus_step, (-1e9, 1e9)),
+        ("image.width", max(frame.size), (4, 2**17)),
+    ):
+        reader.check(low <= value <= high, key, f"within {low:g}..{high:g}", short(value))
 
 
 class _Reader:
@@ -170,7 +193,7 @@ class _Reader:
 
     def check(self, good: bool, key: str, due: object, found: object) -> None:
         if not good and not any(key in problem for problem in self._problems):
-            self._problems.append(f"{self._where}: {key} should be {due}, it is {found}")
+            self._problems.append(f"{self._where}: {key} should be {due}, it is {short(found)}")
 
     def raise_any(self) -> None:
         if self._problems:
@@ -185,7 +208,7 @@ class _Reader:
         return value
 
     def _missing(self, key: str, found: object) -> float:
-        what = "is missing" if found is None else f"cannot be {found!r}"
+        what = "is missing" if found is None else f"cannot be {short(found)}"
         self._problems.append(f"{self._where}: {key} {what} in the frame's metadata")
         return 1.0
 
@@ -193,4 +216,4 @@ class _Reader:
 def _is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return math.isfinite(value)
+    return math.isfinite(value) and abs(value) < 1e15

@@ -6,24 +6,31 @@ Light Field Toolbox does: the same camera, then the nearest zoom, then the neare
 
 from __future__ import annotations
 
+import os
 import tarfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pydantic import BaseModel
+
+from epinet import documents
+from epinet.documents import short
 from epinet.errors import InputError
 from epinet.raw.bayer import Image, planes
 from epinet.raw.capture import frame_of_document, unpack_frame
 from epinet.raw.container import is_container, parse_json, read_container
 from epinet.raw.metadata import CHANNELS, Frame
+from epinet.reading import open_regular, read_bytes
 
 BESIDE = "white"
 """A folder of this name beside a capture is searched for white images."""
 
+_MOST_VOLUMES = 100
 _FIRST_VOLUME = "data.c.0"
 _METADATA_SUFFIXES = (".txt", ".json")
 _BRIGHTEST_PERCENTILE = 99.0
@@ -133,7 +140,10 @@ def normalised_white(white: Image, frame: Frame) -> Image:
         raise InputError(f"{frame.where}: a white image that is nearly black; give another one")
     white = white.copy()
     for _, plane in _channels(white, frame):
-        plane /= np.percentile(plane[::4, ::4], _BRIGHTEST_PERCENTILE)
+        brightest = np.percentile(plane[::4, ::4], _BRIGHTEST_PERCENTILE)
+        if brightest < _DARKEST:
+            raise InputError(f"{frame.where}: a white image that is nearly black in one colour")
+        plane /= brightest
     return np.maximum(white, np.float32(_DARKEST), out=white)
 
 
@@ -151,46 +161,74 @@ def _files(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]:
     if source.is_dir():
         for file in sorted(source.rglob("*")):
             name = str(file.relative_to(source))
+            if file.name.startswith(".") or not file.is_file():
+                continue
             if file.suffix.lower() == ".tar" or file.name.lower() == _FIRST_VOLUME:
                 yield from ((f"{name}/{inner}", load) for inner, load in _files(file))
-            elif file.is_file() and not file.name.startswith("."):
-                yield name, file.read_bytes
+            else:
+                yield name, partial(read_bytes, file)
     elif source.suffix.lower() == ".tar":
         yield from _files_of_tar(source)
     elif is_container(source):
         yield from _files_of_archive(source)
     else:
         for file in sorted(source.parent.glob(f"{source.stem}.*")):
-            yield str(file), file.read_bytes
+            yield str(file), partial(read_bytes, file)
 
 
 def _files_of_tar(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    def load(member: tarfile.TarInfo) -> bytes:
-        with tarfile.open(source) as archive:
-            file = archive.extractfile(member)
-            assert file is not None
-            return file.read()
-
+    """Files of a .tar that is not compressed: each a part of it, so that none is larger."""
     try:
-        with tarfile.open(source) as archive:
-            members = [member for member in archive.getmembers() if member.isfile()]
-    except tarfile.TarError as error:
+        with open_regular(source) as file, tarfile.open(fileobj=file, mode="r:") as archive:
+            size = os.fstat(file.fileno()).st_size
+            members = [m for m in archive if m.isfile() and not m.issparse()]
+    except (tarfile.TarError, ValueError, OverflowError) as error:
         raise InputError(f"{source}: not a readable .tar ({error}); copy it again") from error
     for member in members:
-        yield member.name, partial(load, member)
+        if not 0 <= member.offset_data <= member.offset_data + member.size <= size:
+            raise InputError(f"{source}: {short(member.name)} is cut off; copy it again")
+        yield member.name, partial(_part, source, member.offset_data, member.size)
 
 
-def _files_of_archive(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]:
+def _part(source: Path, offset: int, size: int) -> bytes:
+    with open_regular(source) as file:
+        file.seek(offset)
+        return file.read(size)
+
+
+class _File(BaseModel):
+    """An entry of the table of contents of data.C.0."""
+
+    name: str
+    dataRef: str | None = None  # noqa: N815 (as the camera writes it)
+
+
+class _Volume(BaseModel):
+    """What is read of such a table."""
+
+    files: list[_File] = []
+    nextFile: str | None = None  # noqa: N815
+
+
+def _files_of_archive(
+    source: Path, before: frozenset[Path] = frozenset()
+) -> Iterator[tuple[str, Callable[[], bytes]]]:
     """Files of data.C.0 and the volumes that follow it, as an F01's are backed up."""
     container = read_container(source)
-    for entry in container.contents.get("files", []):
-        if entry.get("dataRef") in container:
-            name = str(entry["name"]).removeprefix("C:\\").replace("\\", "/")
-            yield name, partial(container.section, entry["dataRef"])
-    following = container.contents.get("nextFile")
-    if following and (source.parent / following).exists():
-        yield from _files_of_archive(source.parent / following)
+    volume = documents.validated(_Volume, container.contents, f"{source}, its table of contents")
+    for entry in volume.files:
+        if entry.dataRef is not None and entry.dataRef in container:
+            name = entry.name.removeprefix("C:\\").replace("\\", "/")
+            yield name, partial(container.section, entry.dataRef)
+    if not volume.nextFile:
+        return
+    following = source.parent / PureWindowsPath(volume.nextFile).name  # beside it, whatever it says
+    if following in before | {source} or len(before) > _MOST_VOLUMES:
+        raise InputError(f"{source}: names {following.name} as its next volume, which came before")
+    if following.is_file():
+        yield from _files_of_archive(following, before | {source})
 
 
 def _stem(name: str) -> str:
-    return str(PurePosixPath(name).with_suffix("")).lower()
+    path = PurePosixPath(name)
+    return str(path.parent / path.stem).lower()

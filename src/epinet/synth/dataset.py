@@ -12,17 +12,20 @@ import math
 import re
 import shutil
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from epinet import __version__
+from epinet.documents import JSON_BYTES, parse_json, validated
 from epinet.errors import InputError
 from epinet.io import hci, write_light_field
-from epinet.io.atomic import atomic_path, check_writable
-from epinet.io.problems import listed
+from epinet.io.atomic import atomic_path, check_writable, remove_leftovers
+from epinet.io.problems import listed, parsing
 from epinet.io.read import SMALLEST_VIEW_PX
 from epinet.lightfield import LightField
+from epinet.reading import read_bytes
 from epinet.synth.generator import VERSION, render_scene
 from epinet.synth.options import RANGES_PX, Options
 
@@ -37,6 +40,16 @@ _KIND = "rendered light fields"
 _BESIDES_SCENES = frozenset({RECORD, *SHEETS, *STATISTICS})
 _PNG_SHARE = 0.7
 """Bytes of a view as PNG per byte of its pixels; noise hardly compresses."""
+
+
+class _Record(BaseModel):
+    """What is read of dataset.json; the rest is compared only."""
+
+    model_config = ConfigDict(strict=True, extra="allow")
+
+    kind: str
+    scenes: list[Annotated[str, Field(pattern=r"^\w[\w.-]*$", max_length=200)]]
+    """Names of folders beside it."""
 
 
 def write_dataset(
@@ -134,12 +147,17 @@ def read_record(out: Path) -> dict[str, Any]:
     Raises:
         InputError: the folder holds no data set of ours.
     """
-    record: Any = None
-    with suppress(OSError, ValueError):
-        record = json.loads((out / RECORD).read_text(encoding="utf-8"))
+    path = out / RECORD
+    foreign = f"{out}: no data set of epinet ({RECORD} is missing or of something else)"
+    if not path.exists():
+        raise InputError(foreign)
+    with parsing(path, "the record of a data set"):
+        record = parse_json(read_bytes(path, JSON_BYTES), path)
     if not isinstance(record, dict) or record.get("kind") != _KIND:
-        raise InputError(f"{out}: no data set of epinet ({RECORD} is missing or of something else)")
-    return record
+        raise InputError(foreign)
+    validated(_Record, record, path)
+    found: dict[str, Any] = record
+    return found
 
 
 def existing_from(resume: bool, force: bool) -> Existing:
@@ -213,6 +231,7 @@ def _check_output(out: Path, record: Mapping[str, Any], existing: Existing) -> l
         if out.exists():
             raise InputError(f"{out}: a file stands where the data set would go")
         return []
+    remove_leftovers(out)
     entries = _entries(out)
     if not entries:
         return []
@@ -245,7 +264,8 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _is_leftover(path: Path, scenes: set[str]) -> bool:
-    """Whether this is the temporary name of a thing of ours, left by a process that was killed."""
+    """Whether this is the temporary name of a thing of ours, as earlier versions left it when they
+    were killed."""
     match = re.fullmatch(r"\.(\w+)\.[0-9a-f]{8}(\.\w+)?", path.name)
     return match is not None and match[1] + (match[2] or "") in scenes | _BESIDES_SCENES
 

@@ -61,6 +61,8 @@ SHARES = (
     "floors",
 )
 
+MOST_SURFACES = 10_000
+
 LATER = ("gloss", "near_lamps")
 """Options that data sets of rays-8 may not know: what they do not mention has its default."""
 
@@ -112,8 +114,10 @@ class Options:
             problems.append(f"views must be odd and at least 3, not {self.views}")
         if not 0 <= self.surfaces[0] <= self.surfaces[1] or self.surfaces[1] < 1:
             problems.append(f"the number of surfaces {self.surfaces} is impossible")
-        if self.samples < 1:
-            problems.append(f"{self.samples} rays per pixel: at least 1")
+        if self.surfaces[1] > MOST_SURFACES:
+            problems.append(f"at most {MOST_SURFACES} surfaces, not {self.surfaces[1]}")
+        if self.samples < 1 or self.samples != int(self.samples):
+            problems.append(f"{self.samples} rays per pixel: a whole number, at least 1")
         for name in SHARES:
             if not 0 <= getattr(self, name) <= 1:
                 problems.append(f"{name} is a share of 0..1, not {getattr(self, name):g}")

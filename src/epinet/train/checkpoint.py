@@ -13,6 +13,7 @@ import torch
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
+from epinet.reading import check_regular
 from epinet.train.recipe import Recipe
 
 WHY_LENGTH = 200
@@ -52,6 +53,7 @@ def continuing(
             another validation.
     """
     try:
+        check_regular(path)
         state = torch.load(path, weights_only=True, map_location=device)
         if not isinstance(state, dict):
             raise TypeError(f"it holds a {type(state).__name__}")

@@ -6,12 +6,21 @@ import json
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BaseModel, Field
 
+from epinet.documents import parse_json, validated
+from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, writing
 from epinet.io.images import read_image
+from epinet.io.names import is_shown
+from epinet.io.problems import parsing
+from epinet.reading import check_decoded, open_regular
+
+_LONGEST_LINE = 2**20
+"""Bytes; ours have some hundred."""
 
 
 class Log:
@@ -26,15 +35,21 @@ class Log:
     def __init__(self, folder: Path, step: int) -> None:
         self.path = folder / "log.jsonl"
         if self.path.exists():
-            kept = [line for line in self.path.read_text().splitlines() if _step(line) <= step]
-            with atomic_path(self.path) as temporary:
-                temporary.write_text("".join(line + "\n" for line in kept))
+            self._keep_until(step)
         self._board: Any = None
         try:
             from torch.utils.tensorboard import SummaryWriter
         except ImportError:  # the extra "train" is not installed
             return
         self._board = SummaryWriter(self._board_folder, purge_step=step + 1)
+
+    def _keep_until(self, step: int) -> None:
+        with parsing(self.path, "a log"), open_regular(self.path) as old:
+            check_decoded(self.path, self.path.stat().st_size, "its entries")
+            with atomic_path(self.path) as temporary, temporary.open("wb") as new:
+                while line := old.readline(_LONGEST_LINE):
+                    if line.endswith(b"\n") and _step(line) <= step:
+                        new.write(line)
 
     @property
     def _board_folder(self) -> Path:
@@ -60,7 +75,7 @@ class Log:
         if self._board is None:
             return
         with writing(self._board_folder):
-            for path in sorted(folder.glob("*.png")):
+            for path in sorted(filter(is_shown, folder.glob("*.png"))):
                 image = np.asarray(read_image(path))
                 self._board.add_image(path.stem, image, step, dataformats="HWC")
             self._board.flush()
@@ -76,9 +91,15 @@ class Log:
             self._board.close()
 
 
-def _step(line: str) -> float:
+class _Entry(BaseModel):
+    """What is read of a line; it holds more."""
+
+    step: Annotated[float, Field(strict=True, ge=0)]
+
+
+def _step(line: bytes) -> float:
     """Step of an entry; a line that a killed process left unfinished goes."""
     try:
-        return float(json.loads(line)["step"])
-    except (ValueError, KeyError, TypeError):
+        return validated(_Entry, parse_json(line, "line"), "line").step
+    except InputError:
         return float("inf")

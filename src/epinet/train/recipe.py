@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import torch
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from epinet.documents import problems_of
 from epinet.errors import InputError
 from epinet.model.checkpoint import EPINET, MODELS, SWEEPNET, Network
 from epinet.model.epinet import STREAM_COUNTS, VIEW_COUNTS, Epinet, EpinetConfig
@@ -98,7 +99,7 @@ class Recipe(_Model):
     """What differs from SweepNet's shape, see `epinet.model.sweepnet.SweepNetConfig`."""
     views: int = 9
     streams: int = 4
-    width: Annotated[int, Field(ge=1)] = 70
+    width: Annotated[int, Field(ge=1, le=512)] = 70
     """Channels of each of EPINET's streams where there are four, as published; fewer are as much
     wider as gives equal parameters. What a narrow network learned can start a wide one."""
     local_contrast: bool = False
@@ -246,8 +247,8 @@ class Recipe(_Model):
         try:
             with torch.device("meta"):  # no memory, and no random numbers
                 self.network()
-        except (TypeError, ValueError, RuntimeError, ZeroDivisionError) as error:
-            raise ValueError(f"shape: {error}") from error
+        except ValidationError as error:
+            raise ValueError("; ".join(problems_of(error, "shape"))) from error
 
     def network(self) -> Network:
         """The network to train, untrained."""

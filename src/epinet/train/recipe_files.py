@@ -16,16 +16,16 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import yaml
-from pydantic import ValidationError
-
+from epinet.documents import YAML_BYTES, parse_yaml, short, validated
 from epinet.errors import InputError
 from epinet.io.problems import parsing
+from epinet.reading import read_bytes
 from epinet.synth.options import RANGES_PX
 from epinet.train.augment import AUGMENTATIONS
 from epinet.train.recipe import Recipe
 
 SUFFIX = ".yaml"
+_MOST_BASES = 16
 
 
 def shipped_recipes() -> dict[str, Path]:
@@ -41,31 +41,28 @@ def load_recipe(name: str, changes: Mapping[str, Any] | None = None) -> Recipe:
         InputError: no such recipe, or every value that is unknown or impossible.
     """
     values = {"name": Path(name).stem} | _values(name, ()) | dict(changes or {})
-    try:
-        return Recipe.model_validate(values)
-    except ValidationError as error:
-        raise InputError([f"recipe {name}: {_text(e)}" for e in error.errors()]) from error
+    return validated(Recipe, values, f"recipe {name}")
 
 
 def parse_changes(texts: Sequence[str]) -> dict[str, Any]:
     """Values from "key=value" texts; values are YAML.
 
     Raises:
-        InputError: a text that is no such pair.
+        InputError: a text that is no such pair, or a key that is given twice.
 
     Example:
         >>> parse_changes(["batch=32", "decay=cosine", "augmentations=[rotation, flip]"])
         {'batch': 32, 'decay': 'cosine', 'augmentations': ['rotation', 'flip']}
     """
-    changes = {}
+    changes: dict[str, Any] = {}
     for text in texts:
         key, equals, value = text.partition("=")
-        try:
-            changes[key.strip()] = _number(yaml.safe_load(value))
-        except yaml.YAMLError as error:
-            raise InputError(f"--set {text}: the value cannot be read ({error})") from error
-        if not equals or not key.strip():
-            raise InputError(f"--set {text}: give KEY=VALUE, as in batch=32")
+        key = key.strip()
+        if not equals or not key:
+            raise InputError(f"--set {short(text)}: give KEY=VALUE, as in batch=32")
+        if key in changes:
+            raise InputError(f"--set {key}: given twice; which value is meant?")
+        changes[key] = _number(parse_yaml(value, f"--set {key}"))
     return changes
 
 
@@ -86,6 +83,8 @@ def changed_recipe(
     """
     values = parse_changes(changes)
     if data:
+        if "data" in values:
+            raise InputError("--data and --set data=...: both say what to learn from; give one")
         values["data"] = [_source(d) for d in data]
     recipe = load_recipe(name, values)
     unknown = sorted(set(without) - set(AUGMENTATIONS))
@@ -124,25 +123,30 @@ def _number(value: Any) -> Any:
 def _values(name: str, derived: tuple[str, ...]) -> dict[str, Any]:
     shipped = shipped_recipes()
     path = shipped.get(name, Path(name))
-    if not path.is_file():
+    if not _is_file(path):
         raise InputError(
-            f"recipe {name}: no such file, and none of the recipes {', '.join(shipped)}"
+            f"recipe {short(name)}: no such file, and none of the recipes {', '.join(shipped)}"
         )
     with parsing(path, "a recipe in YAML"):
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        values = parse_yaml(read_bytes(path, YAML_BYTES), path)
     if not isinstance(values, dict):
         raise InputError(f"{path}: a recipe is a mapping of names to values")
     values = {key: _number(value) for key, value in values.items()}
     base = values.pop("base", None)
     if base is None:
         return values
-    if base in derived:
+    if not isinstance(base, str):
+        raise InputError(f"{path}: base: the name of a recipe or its file, not {short(base)}")
+    if base in derived or base == name:
         raise InputError(f"{path}: its base {base} is based on it")
-    return _values(str(base), (*derived, name)) | values
+    if len(derived) >= _MOST_BASES:
+        raise InputError(f"{path}: the {_MOST_BASES}th base in a row; write out what they say")
+    return _values(base, (*derived, name)) | values
 
 
-def _text(error: Any) -> str:
-    place = ".".join(str(part) for part in error["loc"])
-    message = error["msg"].removeprefix("Value error, ")
-    given = "" if isinstance(error["input"], dict) else f" (it is {error['input']!r})"
-    return f"{place}: {message}{given}" if place else message
+def _is_file(path: Path) -> bool:
+    """Also of a name that no file can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

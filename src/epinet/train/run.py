@@ -29,7 +29,7 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
 from epinet.errors import InputError
-from epinet.io.atomic import atomic_path, check_writable
+from epinet.io.atomic import atomic_path, check_writable, remove_leftovers
 from epinet.model.checkpoint import (
     CALIBRATION,
     LOCAL_CONTRAST,
@@ -128,6 +128,7 @@ class Run:
         mine = range(team.rank, recipe.shards, team.size)
         self.batches = batches_of(recipe, mine, cache=cache, device=str(self.device), say=say)
         check_writable(folder)
+        remove_leftovers(folder / "validation")
         torch.manual_seed(recipe.seed)
         self.net = recipe.network()
         self.started_from: dict[str, Any] | None = None

@@ -7,11 +7,16 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
+from epinet.documents import JSON_BYTES, parse_json, validated
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, check_writable
 from epinet.io.convert import write_light_field
 from epinet.io.images import write_png
+from epinet.io.problems import parsing
 from epinet.progress import progress
+from epinet.reading import read_bytes
 from epinet.synth.pathtraced.assets import PACKAGES, Library
 from epinet.synth.pathtraced.backend import load_mitsuba
 from epinet.synth.pathtraced.render import Rendering, Settings, render_scene
@@ -20,6 +25,12 @@ from epinet.synth.pathtraced.scenes import SCENES
 RECORD = "dataset.json"
 OBJECTS = "objectids_lowres.png"
 _PARTS = ".parts"
+
+
+class _Record(BaseModel):
+    """What is read of RECORD."""
+
+    scenes: dict[str, dict[str, Any]]
 
 
 def make_dataset(
@@ -104,14 +115,11 @@ def _read_record(out: Path) -> dict[str, Any]:
         packages = {f"{p.name} {p.version}": f"{p.origin}; {p.licence}" for p in PACKAGES.values()}
         made_by = "python -m epinet.synth.pathtraced"
         return {"made_by": made_by, "packages": packages, "scenes": {}}
-    try:
-        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        record["scenes"].items()
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{path}: cannot be read as the record of this folder ({error}); remove it"
-        ) from error
-    return record
+    with parsing(path, "the record of this folder"):
+        record = parse_json(read_bytes(path, JSON_BYTES), path)
+    validated(_Record, record, path)
+    found: dict[str, Any] = record
+    return found
 
 
 def _write_record(out: Path, record: dict[str, Any]) -> None:

@@ -1,0 +1,39 @@
+"""Commands whose options are given once: of a second value, typer would keep only the last."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+from typer.core import TyperCommand, TyperGroup
+
+from epinet.errors import InputError
+
+
+class OnceCommand(TyperCommand):
+    """A command that refuses a second value of an option that takes one."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        _check_once(self, ctx, args)
+        return super().parse_args(ctx, args)
+
+
+class OnceGroup(TyperGroup):
+    """A group of commands that refuses a second value of its own options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        _check_once(self, ctx, args)
+        return super().parse_args(ctx, args)
+
+
+def _check_once(command: Any, ctx: Any, args: list[str]) -> None:
+    _, _, given = command.make_parser(ctx).parse_args(list(args))
+    times = Counter(parameter.name for parameter in given)
+    problems = [
+        f"{'/'.join((*parameter.opts, *parameter.secondary_opts))}: given "
+        f"{times[parameter.name]} times, but only one can count; give it once"
+        for parameter in {p.name: p for p in given}.values()
+        if times[parameter.name] > 1 and not parameter.multiple
+    ]
+    if problems:
+        raise InputError(problems)
