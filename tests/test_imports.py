@@ -8,8 +8,8 @@ import epinet
 SOURCE = Path(epinet.__file__).parent
 
 LAYERS = (
-    {"allocator", "errors", "progress", "shifts", "squares"},
-    {"angular", "camera", "reading", "srgb"},
+    {"allocator", "errors", "shifts", "squares", "terminal"},
+    {"angular", "camera", "progress", "reading", "srgb"},
     {"documents", "lightfield"},
     {"inspect", "metrics", "raw"},
     {"io", "refine"},

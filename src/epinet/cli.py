@@ -27,6 +27,7 @@ from epinet.commands.train import train
 from epinet.commands.wiggle import wiggle
 from epinet.errors import InputError
 from epinet.reading import LIMIT_BYTES, set_limit
+from epinet.terminal import remark, say
 
 app = typer.Typer(
     name="epinet",
@@ -65,7 +66,7 @@ app.add_typer(weights.app, name="weights")
 
 def _version(wanted: bool) -> None:
     if wanted:
-        print(f"epinet {__version__}")
+        say(f"epinet {__version__}")
         raise typer.Exit
 
 
@@ -93,8 +94,8 @@ def main() -> None:
         app()
     except InputError as error:
         for problem in error.problems:
-            print(f"error: {problem}", file=sys.stderr)
+            remark(f"error: {problem}")
         sys.exit(2)
     except OSError as error:
-        print(f"error: {error.filename or 'input or output'}: {error.strerror}", file=sys.stderr)
+        remark(f"error: {error.filename or 'input or output'}: {error.strerror}")
         sys.exit(2)

@@ -118,7 +118,7 @@ def test_large_pictures_are_made_smaller():
 
 
 def test_tables_hold_every_score_with_two_decimals(evaluation):
-    text = text_tables(evaluation)
+    text = "\n".join(text_tables(evaluation))
     for line in text.splitlines():
         for figure in re.findall(r"\d+\.\d+", line.partition("Border")[0]):
             assert len(figure.partition(".")[2]) >= 2 or line.startswith(" " * 10)
@@ -233,7 +233,7 @@ def test_means_over_other_scenes_say_so_and_do_not_win(add_scene, evaluated):
     maps = {"half": {"a": right / 2, "b": nothing}, "whole": {"a": right, "b": right}}
     maps["worse"] = {"a": 2 * right, "b": right}
     found = evaluated(maps, border_px=4)
-    text = text_tables(found)
+    text = "\n".join(text_tables(found))
     (half,) = (line for line in text.splitlines() if re.match(r"mean +half", line))
     (whole,) = (line for line in text.splitlines() if re.match(r"mean +whole", line))
     assert "1.00 (1)" in half and "(1)" not in whole
@@ -260,7 +260,7 @@ def test_scores_against_high_truth_are_marked(add_scene, evaluated):
     add_scene("dots", TRUTH, high=TRUTH.repeat(10, 0).repeat(10, 1))
     add_scene("stripes", TRUTH)
     found = evaluated({"m": dict.fromkeys(("dots", "stripes"), TRUTH + 1)}, border_px=4)
-    lines = text_tables(found).splitlines()
+    lines = text_tables(found)
     (high,) = (line for line in lines if line.startswith("dots") and "100.00^" in line)
     (low,) = (line for line in lines if line.startswith("stripes") and "100.00*" in line)
     assert "*" not in high and "^" not in low

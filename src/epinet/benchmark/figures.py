@@ -14,6 +14,7 @@ from matplotlib.transforms import Bbox
 
 from epinet.benchmark.standing import Point, Ranking
 from epinet.benchmark.table import score_text
+from epinet.predict.pictures import drawable
 
 OURS, THEIRS = "#c2410c", "#64748b"
 LETTER_PX = 6.4
@@ -125,11 +126,12 @@ def _bars(axes: Axes, bars: Sequence[tuple[str, bool, float]], most: int) -> Non
             fontsize=10,
         )
         axes.annotate(
-            name,
+            drawable(name),
             (0, i),
             (-6, 0),
             ("axes fraction", "data"),
             "offset points",
+            parse_math=False,
             va="center",
             ha="right",
             color=colour,
@@ -161,9 +163,10 @@ def _label_points(axes: Axes, points: Sequence[Point]) -> None:
         box = next((b for b in inside if not b.count_overlaps(taken)), boxes[0])
         taken.append(box)
         axes.annotate(
-            point.method,
+            drawable(point.method),
             (point.seconds, point.value),
             (box.x0 - x, box.y0 - y),
+            parse_math=False,
             textcoords="offset points",
             va="bottom",
             fontsize=10,

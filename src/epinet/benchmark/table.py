@@ -42,17 +42,17 @@ def score_tables(evaluation: Evaluation) -> list[Table]:
     return [Table(chunk, tuple(_rows(evaluation, chunk))) for chunk in chunks]
 
 
-def text_tables(evaluation: Evaluation) -> str:
+def text_tables(evaluation: Evaluation) -> list[str]:
     """The tables as lines that are never cut."""
-    tables = [
-        "\n".join(_aligned([t.header, ("", "", *(m.unit for m in t.metrics)), *t.rows]))
-        for t in score_tables(evaluation)
-    ]
+    lines: list[str] = []
+    for t in score_tables(evaluation):
+        lines += _aligned([t.header, ("", "", *(m.unit for m in t.metrics)), *t.rows])
+        lines.append("")
     remark = (
         f"Border left out: {evaluation.border_px} px. Lower is better. {truths_used(evaluation)} "
         f"{ranges_used(evaluation)}"
     )
-    return "\n\n".join([*tables, f"{remark}{partial_means(evaluation)}"])
+    return [*lines, f"{remark}{partial_means(evaluation)}"]
 
 
 def partial_means(evaluation: Evaluation) -> str:

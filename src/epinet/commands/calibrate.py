@@ -14,7 +14,7 @@ from epinet.commands.camera import (
     SensorOption,
     known_camera,
 )
-from epinet.commands.common import remark
+from epinet.terminal import remark, say
 
 if TYPE_CHECKING:
     from epinet.geometry.calibration import Calibration
@@ -61,20 +61,20 @@ def calibrate(
     write_camera(output, facts)
     _tell(calibration)
     if facts.has_view:
-        print(f"baseline {facts.camera(stored.size).baseline_mm:.4g} mm between adjacent views")
+        say(f"baseline {facts.camera(stored.size).baseline_mm:.4g} mm between adjacent views")
     else:
-        print(
+        say(
             "not known from distances: how wide things are. depth works; "
             "for a mesh give --fov, or --focal-length-mm and --sensor-mm"
         )
-    print(f"-> {output}")
+    say(f"-> {output}")
 
 
 def _tell(calibration: Calibration) -> None:
     """The fit, point by point, and what it gives."""
     rows = zip(calibration.readings, calibration.residuals_px, calibration.depths_mm, strict=True)
     for reading, residual, depth_mm in rows:
-        print(
+        say(
             f"point {reading.point}: {_distance(1 / reading.point.depth_mm)}, "
             f"disparity {reading.pick.disparity_px:.3f} px, "
             f"residual {residual:+.3f} px, fitted {_distance(1 / depth_mm)}"
@@ -86,11 +86,11 @@ def _tell(calibration: Calibration) -> None:
             )
     c = calibration
     low, high = (c.inverse_focus_per_mm + sign * c.inverse_focus_error_per_mm for sign in (1, -1))
-    print(
+    say(
         f"disparity 0 is at {_distance(c.inverse_focus_per_mm)} "
         f"({_distance(low)} to {_distance(high)} with {c.error_px:.2g} px error of a point)"
     )
-    print(
+    say(
         f"baseline x focal length {c.baseline_focal_mm_px:.5g} "
         f"+- {c.baseline_focal_error_mm_px:.2g} mm px"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -45,11 +44,6 @@ ModelOption = Annotated[
 DeviceOption = Annotated[
     str | None, typer.Option(help="cpu, cuda, cuda:1, ...; default: the GPU if there is one.")
 ]
-
-
-def remark(line: str) -> None:
-    """Print to standard error, where it is not in the way of results."""
-    print(line, file=sys.stderr)
 
 
 def result_line(name: str, run: dict[str, object], folder: Path, skipped: bool = False) -> str:

@@ -12,10 +12,10 @@ from epinet.commands.common import (
     FlipRowsOption,
     LayoutOption,
     TransposeOption,
-    remark,
 )
 from epinet.errors import InputError
 from epinet.progress import progress
+from epinet.terminal import remark, say
 
 
 def convert(
@@ -78,4 +78,4 @@ def convert(
     for note in (*lf.notes, *left_out(output, lf, target)):
         remark(f"note: {note}")
     (rows, cols), (height, width) = lf.grid, lf.size
-    print(f"{path}: {rows}x{cols} views of {width}x{height} px -> {output} ({target})")
+    say(f"{path}: {rows}x{cols} views of {width}x{height} px -> {output} ({target})")

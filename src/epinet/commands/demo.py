@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +9,7 @@ import typer
 
 from epinet.commands.common import result_line
 from epinet.progress import progress
+from epinet.terminal import remark, say
 
 
 def demo(
@@ -21,8 +21,8 @@ def demo(
     """Render a small scene with exact truth, predict it and score it. Needs no download."""
     from epinet.predict.demo import run_demo
 
-    print(f"rendering a 9x9 light field of seed {seed} and predicting it ...", file=sys.stderr)
+    remark(f"rendering a 9x9 light field of seed {seed} and predicting it ...")
     with progress("predicting") as advance:
         run = run_demo(output, seed, advance)
-    print(result_line("demo", run, output))
-    print(f"look at {output / 'result' / 'preview.png'}")
+    say(result_line("demo", run, output))
+    say(f"look at {output / 'result' / 'preview.png'}")

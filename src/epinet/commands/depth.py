@@ -17,6 +17,7 @@ from epinet.commands.camera import (
     SensorOption,
     known_camera,
 )
+from epinet.terminal import say
 
 
 def depth(
@@ -58,5 +59,5 @@ def depth(
     finite = depth_mm[np.isfinite(depth_mm)]
     span = "{:.6g}..{:.6g} mm".format(*np.percentile(finite, [1, 99])) if finite.size else "none"
     far, unknown = int(np.isinf(depth_mm).sum()), int(np.isnan(depth_mm).sum())
-    print(f"depth {span}, {far} px infinitely far, {unknown} px unknown; camera: {origin}")
-    print(f"{meaning} -> {output}")
+    say(f"depth {span}, {far} px infinitely far, {unknown} px unknown; camera: {origin}")
+    say(f"{meaning} -> {output}")

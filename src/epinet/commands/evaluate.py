@@ -9,6 +9,7 @@ import typer
 
 from epinet.commands.common import DeviceOption
 from epinet.progress import progress
+from epinet.terminal import say, say_all
 
 
 def evaluate(
@@ -72,6 +73,6 @@ def evaluate(
         found = prepared.run(folder, progress=progress)
         with progress("scores") as advance:
             scored = score_all(found, prepared.scenes, metrics, border_px=border, advance=advance)
-    print(text_tables(scored))
+    say_all(text_tables(scored))
     if output is not None:
-        print(f"-> {write_report(scored, output)}")
+        say(f"-> {write_report(scored, output)}")

@@ -9,6 +9,7 @@ import typer
 from epinet.commands.camera import ResultArgument
 from epinet.commands.refocus import PictureOption
 from epinet.errors import InputError
+from epinet.terminal import say
 
 
 def fade(
@@ -43,4 +44,4 @@ def fade(
         stored.centre_view, stored.disparity, (red, green, blue), near_px=near, far_px=far
     )
     write_picture(output, picture)
-    print(f"-> {output}")
+    say(f"-> {output}")

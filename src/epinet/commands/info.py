@@ -14,9 +14,9 @@ from epinet.commands.common import (
     PathsArgument,
     TransposeOption,
     WeightsOption,
-    remark,
 )
 from epinet.errors import InputError
+from epinet.terminal import remark, say, say_all
 
 
 def info(
@@ -43,8 +43,8 @@ def info(
             problems += error.problems
             continue
         if as_json:
-            print(json.dumps(report))
+            say(json.dumps(report))
         else:
-            print(("\n" if i else "") + "\n".join(report_lines(report)), flush=True)
+            say_all(([""] if i else []) + report_lines(report))
     if problems:
         raise InputError(problems)

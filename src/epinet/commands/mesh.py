@@ -17,8 +17,8 @@ from epinet.commands.camera import (
     SensorOption,
     known_camera,
 )
-from epinet.commands.common import remark
 from epinet.errors import InputError
+from epinet.terminal import remark, say
 
 
 def mesh(
@@ -122,7 +122,7 @@ def mesh(
         how = Print(**of_print)
         printed = solid(depth_mm, known, how, near_mm=near_mm, far_mm=far_mm, faces=faces)
         write_solid(output, printed.mesh)
-        print(printed.describe())
+        say(printed.describe())
         written = [output]
     else:
         farthest = farthest_mm(known) if far_mm is None else far_mm
@@ -139,9 +139,9 @@ def mesh(
         if points:
             shape = shape.as_points()
         written = write_surface(output, shape)
-        print(shape.describe())
-    print(f"camera: {origin}")
-    print(f"-> {', '.join(map(str, written))}")
+        say(shape.describe())
+    say(f"camera: {origin}")
+    say(f"-> {', '.join(map(str, written))}")
 
 
 def _check_options(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -17,11 +16,11 @@ from epinet.commands.common import (
     PathsArgument,
     TransposeOption,
     WeightsOption,
-    remark,
     result_line,
 )
 from epinet.errors import InputError
 from epinet.progress import progress
+from epinet.terminal import remark, say
 
 
 def predict(
@@ -101,10 +100,10 @@ def predict(
     for outcome in outcomes:
         problems += outcome.problems
         if outcome.run is not None:
-            print(result_line(outcome.name, outcome.run, outcome.folder, outcome.skipped))
+            say(result_line(outcome.name, outcome.run, outcome.folder, outcome.skipped))
             for note in outcome.run["notes"]:
                 remark(f"note: {outcome.name}: {note}")
             for warning in outcome.run["warnings"]:
-                print(f"warning: {outcome.name}: {warning}", file=sys.stderr)
+                remark(f"warning: {outcome.name}: {warning}")
     if problems:
         raise InputError(problems)

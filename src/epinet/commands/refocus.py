@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from epinet.commands.camera import ResultArgument
-from epinet.commands.common import remark
 from epinet.errors import InputError
 from epinet.progress import progress
+from epinet.terminal import remark, say
 
 if TYPE_CHECKING:
     import numpy as np
@@ -80,7 +80,7 @@ def refocus(
         else:
             picture = focused(lf, focus, stored.disparity, aperture, advance)
     write_picture(output, picture)
-    print(f"-> {output}")
+    say(f"-> {output}")
 
 
 def _plane(stored: StoredResult, at: list[str]) -> NDArray[np.float32]:

@@ -9,6 +9,7 @@ import typer
 
 from epinet.commands.common import DeviceOption
 from epinet.progress import progress
+from epinet.terminal import say
 
 
 def submit(
@@ -41,7 +42,7 @@ def submit(
         raise InputError("give MAPS_OR_MODEL and -o FILE.zip to write one, or --check FILE.zip")
     if check is not None:
         check_submission(check)
-        print(f"{check}: can be submitted")
+        say(f"{check}: can be submitted")
         return
     assert method is not None and output is not None
     keep_freed_memory()
@@ -50,4 +51,4 @@ def submit(
             method, data, temporary, output, device=device, progress=progress
         )
         write_submission(output, maps)
-    print(f"12 scenes -> {output}")
+    say(f"12 scenes -> {output}")

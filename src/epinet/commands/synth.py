@@ -9,6 +9,7 @@ import typer
 
 from epinet.commands.common import DeviceOption
 from epinet.progress import progress
+from epinet.terminal import say, say_all
 
 SheetOption = Annotated[
     bool, typer.Option("--sheet", help="Picture scenes (sheet.png) and measure all (statistics).")
@@ -105,6 +106,6 @@ def _show_data_set(folder: Path, sheet: bool) -> None:
 
         with progress("statistics") as advance:
             statistics = write_overview(folder, advance)
-        print("\n".join(statistics.lines()))
-        print(f"look at {folder / 'sheet.png'}")
-    print(f"{len(read_record(folder)['scenes'])} scenes -> {folder}")
+        say_all(statistics.lines())
+        say(f"look at {folder / 'sheet.png'}")
+    say(f"{len(read_record(folder)['scenes'])} scenes -> {folder}")

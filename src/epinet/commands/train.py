@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from epinet.commands.common import DeviceOption, remark
+from epinet.commands.common import DeviceOption
+from epinet.terminal import remark, say
 
 
 def _list_recipes(wanted: bool) -> None:
@@ -15,7 +16,7 @@ def _list_recipes(wanted: bool) -> None:
 
     if wanted:
         for name in shipped_recipes():
-            print(f"{name:22}{load_recipe(name).about.strip()}")
+            say(f"{name:22}{load_recipe(name).about.strip()}")
         raise typer.Exit
 
 
@@ -98,4 +99,4 @@ def train(
             remark(f"{stop}; the same command continues {output}" if stop.resumable else str(stop))
             raise typer.Exit(1) from stop
     if processes.leads:
-        print(f"weights: {output / 'weights.safetensors'}")
+        say(f"weights: {output / 'weights.safetensors'}")

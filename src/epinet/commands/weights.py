@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from epinet.commands.once import OnceCommand, OnceGroup
+from epinet.terminal import say, say_all
 
 app = typer.Typer(cls=OnceGroup, help="List the weights that come with epinet, or import others.")
 
@@ -25,9 +26,9 @@ def _weights(
     for name in shipped_weights():
         weights = load_weights(name)
         if as_json:
-            print(json.dumps({"name": name, "file": weights.source, **weights.metadata}))
+            say(json.dumps({"name": name, "file": weights.source, **weights.metadata}))
         else:
-            print("\n".join([name, *(f"  {line}" for line in weights.lines())]))
+            say_all([name, *(f"  {line}" for line in weights.lines())])
 
 
 @app.command("import", cls=OnceCommand)
@@ -43,4 +44,4 @@ def _import(
 
     weights = read_keras(file)
     save_weights(output, weights.net, weights.metadata, half=False)
-    print("\n".join([*weights.lines()[:1], f"-> {output}"]))
+    say_all([*weights.lines()[:1], f"-> {output}"])

@@ -9,6 +9,7 @@ import typer
 
 from epinet.commands.camera import ResultArgument
 from epinet.commands.refocus import ViewsOption
+from epinet.terminal import say
 
 
 def wiggle(
@@ -33,4 +34,4 @@ def wiggle(
     frames = wiggle_frames(stored.read_views(views), still)
     write_film(output, frames, fps)
     height, width = frames[0].shape[:2]
-    print(f"{len(frames)} frames of {width}x{height} px, still at {still:.2f} px -> {output}")
+    say(f"{len(frames)} frames of {width}x{height} px, still at {still:.2f} px -> {output}")

@@ -36,8 +36,9 @@ def parsing(path: Path, kind: str) -> Iterator[None]:
     except Exception as error:  # a damaged file makes parsers raise anything
         if isinstance(error, OSError) and error.errno is not None:  # the disk's, not the parser's
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        said = " ".join(str(error).split())
         raise InputError(
-            f"{path}: cannot be read as {kind} ({error}); the file may be damaged or incomplete, "
+            f"{path}: cannot be read as {kind} ({said}); the file may be damaged or incomplete, "
             "copy or download it again"
         ) from error
 

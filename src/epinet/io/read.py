@@ -93,8 +93,8 @@ def _recognised(path: Path) -> Layout:
     for layout in LAYOUTS.values():
         if layout.fits(path):
             return layout
-    understood = "".join(f"\n  {each.name}: {each.description}" for each in LAYOUTS.values())
-    raise InputError(f"{path}: {_found(path)}. Layouts understood:{understood}")
+    understood = "; ".join(f"{each.name}: {each.description}" for each in LAYOUTS.values())
+    raise InputError(f"{path}: {_found(path)}. Layouts understood: {understood}")
 
 
 def _found(path: Path) -> str:

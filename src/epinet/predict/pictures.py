@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from numpy.typing import NDArray
+
+from epinet.terminal import printable
 
 if TYPE_CHECKING:
     from epinet.predict.result import Result
@@ -57,9 +60,7 @@ def save_preview(path: Path, result: Result) -> None:
     low, high = robust_range(result.disparity)
     shown = axes[0].imshow(result.centre_view)
     source = result.lightfield.source
-    # A name that is no text in the system's encoding cannot be drawn.
-    title = "centre view" if source is None else source.name.encode(errors="replace").decode()
-    axes[0].set_title(title, parse_math=False)
+    axes[0].set_title("centre view" if source is None else drawable(source.name), parse_math=False)
     # As high as its neighbours with their colour bars.
     figure.colorbar(shown, ax=axes[0], location="bottom", label=" ").ax.set_visible(False)
     shown = axes[1].imshow(result.disparity, cmap=COLOUR_MAP, vmin=low, vmax=high)
@@ -85,6 +86,12 @@ def save_preview(path: Path, result: Result) -> None:
         panel.set_xticks([])
         panel.set_yticks([])
     figure.savefig(path)
+
+
+def drawable(name: str) -> str:
+    """A name as it can be drawn: characters that the font lacks become question marks."""
+    font = get_font(findfont(FontProperties()))
+    return "".join(c if font.get_char_index(ord(c)) else "?" for c in printable(name))
 
 
 def _score_line(scores: dict[str, float] | None) -> str:

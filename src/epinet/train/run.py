@@ -28,6 +28,7 @@ import yaml
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
+from epinet import terminal
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, check_writable, remove_leftovers
 from epinet.model.checkpoint import (
@@ -115,7 +116,7 @@ class Run:
         team: Team = ALONE,
         validation: Validation | None = None,
         cache: Path | None = None,
-        say: Callable[[str], None] = print,
+        say: Callable[[str], None] = terminal.say,
     ) -> None:
         self.recipe, self.folder, self.team, self.say = recipe, folder, team, say
         self.device = torch.device(device)

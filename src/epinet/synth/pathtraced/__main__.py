@@ -12,6 +12,7 @@ from epinet.synth.pathtraced.backend import VARIANTS
 from epinet.synth.pathtraced.dataset import RECORD, make_dataset
 from epinet.synth.pathtraced.render import Settings
 from epinet.synth.pathtraced.scenes import SCENES
+from epinet.terminal import remark
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -27,9 +28,10 @@ def main(arguments: list[str] | None = None) -> int:
             variant=given.variant,
         )
     except InputError as error:
-        print(error, file=sys.stderr)
+        for problem in error.problems:
+            remark(f"error: {problem}")
         return 2
-    print(f"{given.out / RECORD}: {len(record['scenes'])} scenes", file=sys.stderr)
+    remark(f"{given.out / RECORD}: {len(record['scenes'])} scenes")
     return 0
 
 
