@@ -8,7 +8,7 @@ import epinet
 SOURCE = Path(epinet.__file__).parent
 
 LAYERS = (
-    {"allocator", "errors", "shifts", "squares", "terminal"},
+    {"allocator", "errors", "shifts", "squares", "terminal", "texts"},
     {"angular", "camera", "progress", "reading", "srgb"},
     {"documents", "lightfield"},
     {"inspect", "metrics", "raw"},

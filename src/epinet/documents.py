@@ -16,6 +16,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from epinet.errors import InputError
+from epinet.texts import decoded
 
 JSON_BYTES, YAML_BYTES = 8 * 2**20, 2**16
 """What documents may have; YAML is slow to parse."""
@@ -88,14 +89,10 @@ def _parsed(
     if len(data) > most:
         raise InputError(f"{where}: {len(data)} bytes of {kind}; at most {most} are read")
     try:
-        text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
+        text = decoded(data) if isinstance(data, bytes) else data
         value = parse(text)
     except RecursionError as error:
         raise InputError(f"{where}: nested too deeply for {kind} of epinet") from error
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{where}: not text in UTF-8 (byte {error.start}); save it as UTF-8"
-        ) from error
     except Exception as error:  # parsers raise many kinds
         said = " ".join(str(error).split())[:200]
         raise InputError(f"{where}: cannot be read as {kind} ({said})") from error

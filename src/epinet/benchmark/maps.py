@@ -21,6 +21,7 @@ from epinet.io.pfm import read_scaled_pfm
 from epinet.io.problems import Problems, listed, parsing
 from epinet.predict.record import Timed, read_run
 from epinet.reading import read_bytes
+from epinet.texts import decoded
 
 Size = tuple[int, int]
 """(height, width) in pixels."""
@@ -172,8 +173,7 @@ def _stated_seconds(folder: Path, name: str) -> float | None:
     if not stated.exists():
         return None
     with parsing(stated, "text"):
-        text = read_bytes(stated, _MOST_BYTES).decode("utf-8", errors="replace")
-        return parse_runtime(text, stated)
+        return parse_runtime(decoded(read_bytes(stated, _MOST_BYTES)), stated)
 
 
 def result_map(folder: Path) -> MapFile:

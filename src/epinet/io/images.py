@@ -10,21 +10,43 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image, UnidentifiedImageError
 
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.io.names import is_shown
-from epinet.io.problems import parsing
+from epinet.io.pnm import decode_pnm, is_pnm
+from epinet.io.problems import listed, parsing
 from epinet.reading import check_allowed, check_decoded, open_regular, read_bytes, stored_bytes
 
-IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"})
+IMAGE_SUFFIXES = frozenset(
+    {".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".tif", ".tiff", ".bmp", ".webp"}
+    | {".ppm", ".pgm", ".pnm"}
+)
 
 _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP")
 """What is decoded, whatever its ending: Pillow knows others, some of which run programs."""
 
-_PNG_END = b"IEND\xaeB`\x82"
-_TIFF_BITS_PER_SAMPLE, _TIFF_PLANAR_CONFIGURATION = 258, 284
+_PNG_BEGINS, _PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
+_PNG_UNUSED = frozenset({b"tEXt", b"zTXt", b"iTXt", b"iCCP"})
+"""Texts and colour profiles: never used, and some are larger than Pillow takes."""
+_TIFF_SUBFILE, _TIFF_BITS_PER_SAMPLE, _TIFF_PHOTOMETRIC = 254, 258, 262
+_TIFF_PLANAR_CONFIGURATION = 284
+_TIFF_REDUCED = 1
+"""Flag of a page that is a smaller version of another."""
+_MOST_PAGES = 64
+_WHITE_IS_ZERO = 0
+_ORIENTATION = 274
+_TURNS: dict[int, tuple[bool, int]] = {
+    2: (True, 0),
+    3: (False, 2),
+    4: (True, 2),
+    5: (True, 1),
+    6: (False, 3),
+    7: (True, 3),
+    8: (False, 1),
+}
+"""Mirrored left to right first?, then how many quarter turns counter-clockwise, by orientation."""
 
 
 def image_files(folder: Path) -> list[Path]:
@@ -39,25 +61,20 @@ def image_files(folder: Path) -> list[Path]:
 def read_image(path: str | Path) -> NDArray[Any]:
     """Read an image as (H, W, C): uint8 or uint16, C = 1 (gray) or 3 (RGB), alpha dropped.
 
-    Reads what Pillow reads; 16 bits per sample are kept in PNG and TIFF.
+    Reads what Pillow reads, turned upright as its EXIF says; 16 bits per sample are kept in PNG,
+    TIFF, PGM and PPM.
 
     Raises:
-        InputError: the file is missing, truncated, damaged or holds another sort of pixel.
+        InputError: the file is missing, truncated, damaged, holds several pages or another sort of
+            pixel.
     """
     path = Path(path)
     with parsing(path, "an image"):
         data = read_bytes(path)
+        if is_pnm(data):
+            return decode_pnm(path, data)
         image = _intact(path, data)
-        if image.mode.startswith("I;16"):
-            return np.asarray(image).astype(np.uint16)[..., None]
-        if image.mode in ("I", "F"):
-            raise InputError(f"{path}: 32 bits per pixel; 8 or 16 bit images are needed")
-        gray = image.mode in ("1", "L", "LA", "La")
-        if _bits_per_sample(image, data) == 16:
-            return _decode_16_bit(path, image, data, gray)
-        upright = ImageOps.exif_transpose(image)  # as every viewer shows it
-        pixels = np.asarray(upright.convert("L" if gray else "RGB"))
-        return pixels[..., None] if gray else pixels
+        return _upright(_pixels(path, image, data), image)
 
 
 def read_mask(path: str | Path) -> NDArray[np.bool_]:
@@ -70,10 +87,10 @@ def read_mask(path: str | Path) -> NDArray[np.bool_]:
     with parsing(path, "an image"):
         image = _intact(path, read_bytes(path))
         if image.has_transparency_data:
-            return np.asarray(image.convert("RGBA"))[..., 3] > 0
+            return _upright(np.asarray(image.convert("RGBA"))[..., 3] > 0, image)
         pixels = np.asarray(image.convert("RGB") if image.mode == "P" else image)
         mask = pixels > 0
-        return np.asarray(mask.any(axis=2) if mask.ndim == 3 else mask)
+        return _upright(np.asarray(mask.any(axis=2) if mask.ndim == 3 else mask), image)
 
 
 def check_samples(views: NDArray[Any]) -> None:
@@ -111,6 +128,7 @@ def write_png(path: str | Path, image: NDArray[Any]) -> None:
 def _intact(path: Path, data: bytes) -> Image.Image:
     """Decode fully; `verify` first, as only it checks the sums of a PNG."""
     Image.init()  # Pillow loads few formats by itself
+    data = _without_unused(data)
     try:
         image = Image.open(io.BytesIO(data), formats=_FORMATS)
         check_decoded(path, decoded_bytes(image), "the image")
@@ -123,6 +141,7 @@ def _intact(path: Path, data: bytes) -> Image.Image:
             ".npz or .h5 file, may hold as much"
         ) from error
     image = Image.open(io.BytesIO(data), formats=_FORMATS)
+    _check_pages(path, image)
     image.load()
     if image.format == "PNG" and _PNG_END not in data:
         raise InputError(f"{path}: the end of the file is missing; copy or download it again")
@@ -149,6 +168,61 @@ def check_decoded_images(folder: Path, files: Iterable[Path]) -> None:
             with suppress(UnidentifiedImageError, Image.DecompressionBombError):  # said later
                 needed += decoded_bytes(Image.open(opened, formats=_FORMATS))
     check_allowed(folder, needed, on_disk, "its images")
+
+
+def _without_unused(data: bytes) -> bytes:
+    """A PNG less the chunks that are never used; anything else as it is."""
+    if not data.startswith(_PNG_BEGINS):
+        return data
+    kept, here = [data[:8]], 8
+    while here < len(data):
+        end = here + 12 + int.from_bytes(data[here : here + 4], "big")
+        if data[here + 4 : here + 8] not in _PNG_UNUSED:
+            kept.append(data[here:end])
+        here = end
+    return b"".join(kept)
+
+
+def _check_pages(path: Path, image: Image.Image) -> None:
+    """Refuse several pages, unless all but the first are smaller versions of it.
+
+    A camera's JPEG may hold others behind the picture (its format is MPO): viewers pass over them.
+    """
+    count = getattr(image, "n_frames", 1)
+    if count == 1 or image.format == "MPO":
+        return
+    sizes, reduced = [], []
+    for page in range(min(count, _MOST_PAGES)):
+        image.seek(page)
+        sizes.append("{}x{}".format(*image.size))
+        reduced.append(getattr(image, "tag_v2", {}).get(_TIFF_SUBFILE, 0) & _TIFF_REDUCED)
+    image.seek(0)
+    if reduced[0] or not all(reduced[1:]) or count > _MOST_PAGES:
+        raise InputError(
+            f"{path}: {count} pages ({listed(list(dict.fromkeys(sizes)), 4)} px), and any of them "
+            "may be meant; save each as an image of its own"
+        )
+
+
+def _upright(pixels: NDArray[Any], image: Image.Image) -> NDArray[Any]:
+    """Turned as the EXIF says; Pillow and OpenCV have done so where it is a TIFF."""
+    mirrored, turns = _TURNS.get(image.getexif().get(_ORIENTATION, 1), (False, 0))
+    return np.ascontiguousarray(np.rot90(pixels[:, ::-1] if mirrored else pixels, turns))
+
+
+def _pixels(path: Path, image: Image.Image, data: bytes) -> NDArray[Any]:
+    """(H, W, C) as stored."""
+    if image.mode.startswith("I;16"):
+        pixels = np.asarray(image).astype(np.uint16)[..., None]
+        inverted = getattr(image, "tag_v2", {}).get(_TIFF_PHOTOMETRIC) == _WHITE_IS_ZERO
+        return ~pixels if inverted else pixels  # Pillow inverts those of 8 bits itself
+    if image.mode in ("I", "F"):
+        raise InputError(f"{path}: 32 bits per pixel; 8 or 16 bit images are needed")
+    gray = image.mode in ("1", "L", "LA", "La")
+    if _bits_per_sample(image, data) == 16:
+        return _decode_16_bit(path, image, data, gray)
+    pixels = np.asarray(image.convert("L" if gray else "RGB"))
+    return pixels[..., None] if gray else pixels
 
 
 def _bits_per_sample(image: Image.Image, data: bytes) -> int:

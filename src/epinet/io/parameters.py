@@ -12,6 +12,7 @@ from epinet.errors import InputError
 from epinet.io.problems import Problems, parsing
 from epinet.lightfield import LightField
 from epinet.reading import read_bytes
+from epinet.texts import decoded
 
 _MOST_BYTES = 2**20
 _INTRINSICS = (
@@ -43,7 +44,7 @@ def read_parameters(path: Path) -> Parameters:
     """
     config = configparser.ConfigParser(interpolation=None)
     with parsing(path, "a parameters.cfg"):
-        config.read_string(read_bytes(path, _MOST_BYTES).decode("utf-8"))
+        config.read_string(decoded(read_bytes(path, _MOST_BYTES)))
     problems = Problems()
     side: int | None = None
     camera: Camera | None = None

@@ -104,8 +104,7 @@ def _read(path: str | Path) -> tuple[NDArray[np.float32], float]:
     path = Path(path)
     with parsing(path, "PFM"), open_regular(path) as file:
         _check_size(path, file.read(_LONGEST_HEADER), os.fstat(file.fileno()).st_size)
-        data = read_bytes(path)
-    return decode_pfm(data, path)
+        return decode_pfm(read_bytes(path), path)
 
 
 def _check_size(path: Path, beginning: bytes, size: int) -> None:
@@ -117,7 +116,9 @@ def _check_size(path: Path, beginning: bytes, size: int) -> None:
     magic, width, height, _ = header.groups()
     needed = 4 * _size(path, width) * _size(path, height) * (3 if magic == b"PF" else 1)
     if not needed < size <= needed + _LONGEST_HEADER:
-        raise _misfit(path, (_size(path, height), _size(path, width)), needed, size - header.end() - 1)
+        raise _misfit(
+            path, (_size(path, height), _size(path, width)), needed, size - header.end() - 1
+        )
 
 
 def _size(path: Path | str, text: bytes) -> int:
@@ -148,9 +149,7 @@ def _data_start(path: Path | str, data: bytes, header_end: int, shape: tuple[int
     return start
 
 
-def _misfit(
-    path: Path | str, shape: tuple[int, ...], expected: int, found: int
-) -> InputError:
+def _misfit(path: Path | str, shape: tuple[int, ...], expected: int, found: int) -> InputError:
     return InputError(
         f"{path}: the header says {shape[1]}x{shape[0]} px, {expected} bytes of values, but "
         f"{max(0, found)} follow it; the file is incomplete or damaged"

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from epinet.errors import InputError
+from epinet.texts import POINTER, is_pointer
 
 
 class Problems(list[str]):
@@ -31,9 +32,11 @@ def parsing(path: Path, kind: str) -> Iterator[None]:
     """Turn whatever a file library raises about `path` into an InputError naming it."""
     try:
         yield
-    except InputError:
-        raise
     except Exception as error:  # a damaged file makes parsers raise anything
+        if is_pointer(path):
+            raise InputError(f"{path}: {POINTER}") from error
+        if isinstance(error, InputError):
+            raise
         if isinstance(error, OSError) and error.errno is not None:  # the disk's, not the parser's
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
         said = " ".join(str(error).split())

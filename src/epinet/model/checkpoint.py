@@ -22,6 +22,7 @@ from epinet.io.atomic import atomic_path
 from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.model.sweepnet import SweepNet, SweepNetConfig
 from epinet.reading import read_bytes
+from epinet.texts import POINTER, is_pointer
 
 FORMAT = "epinet-1"
 LOCAL_CONTRAST = "local contrast"
@@ -223,6 +224,8 @@ def load_weights(path: Path | str) -> Weights:
             texts = stored.metadata() or {}
             tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
+        if is_pointer(Path(file)):
+            raise InputError(f"{file}: {POINTER}") from error
         raise InputError(f"{file}: not a readable safetensors file ({error})") from error
     if texts.get("format") != FORMAT:
         raise InputError(

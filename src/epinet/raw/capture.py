@@ -15,6 +15,7 @@ from epinet.raw.bayer import packed_bytes, unpack
 from epinet.raw.container import Container, is_container, parse_json, read_container
 from epinet.raw.metadata import Frame, parse_frame
 from epinet.reading import read_bytes
+from epinet.texts import POINTER, is_pointer
 
 _METADATA_ENDINGS = (".json", ".JSON", ".txt", ".TXT", "_metadata.json")
 _PRIVATE_ENDING = "_private_metadata.json"
@@ -39,6 +40,8 @@ def read_capture(path: Path) -> Capture:
             cut off or damaged.
     """
     if path.suffix.lower() == ".raw" and not is_container(path):
+        if is_pointer(path):
+            raise InputError(f"{path}: {POINTER}")
         frame = _frame_beside(path)
         return Capture(frame, unpack_frame(frame, read_bytes(path)))
     container = read_container(path)
@@ -123,5 +126,7 @@ def _frame_beside(path: Path) -> Frame:
     document = parse_json(read_bytes(found, JSON_BYTES), str(found))
     private = path.with_name(path.stem + _PRIVATE_ENDING)
     if private.exists() and _first_frame(document.get("master", document)) is None:
-        return parse_frame(document, parse_json(read_bytes(private, JSON_BYTES), str(private)), str(path))
+        return parse_frame(
+            document, parse_json(read_bytes(private, JSON_BYTES), str(private)), str(path)
+        )
     return frame_of_document(document, str(path))

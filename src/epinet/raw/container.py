@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 from epinet import documents
 from epinet.errors import InputError
 from epinet.reading import check_regular, open_regular
+from epinet.texts import POINTER, decoded, is_pointer
 
 MAGIC = b"\x89LFP\r\n\x1a\n"
 
@@ -114,7 +115,7 @@ def parse_json(data: bytes, where: str) -> dict[str, Any]:
     Raises:
         InputError: it is none.
     """
-    value = documents.parse_json(data.rstrip(b"\0 \r\n"), where)
+    value = documents.parse_json(decoded(data).rstrip("\0 \n"), where)
     if not isinstance(value, dict):
         raise InputError(f"{where}: unreadable metadata (not a JSON object)")
     return value
@@ -127,6 +128,8 @@ def _name_of(data: bytes) -> str:
 def _check_head(path: Path, head: bytes) -> None:
     if head.startswith(MAGIC):
         return
+    if is_pointer(path):
+        raise InputError(f"{path}: {POINTER}")
     kinds = (kind for start, kind in _KNOWN_OTHERS.items() if head.startswith(start))
     kind = next(kinds, "not a Lytro file" if head else "an empty file")
     raise InputError(

@@ -15,7 +15,6 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
 from numpy.typing import NDArray
-
 from pydantic import BaseModel
 
 from epinet import documents
@@ -26,6 +25,7 @@ from epinet.raw.capture import frame_of_document, unpack_frame
 from epinet.raw.container import is_container, parse_json, read_container
 from epinet.raw.metadata import CHANNELS, Frame
 from epinet.reading import open_regular, read_bytes
+from epinet.texts import POINTER, is_pointer
 
 BESIDE = "white"
 """A folder of this name beside a capture is searched for white images."""
@@ -183,6 +183,8 @@ def _files_of_tar(source: Path) -> Iterator[tuple[str, Callable[[], bytes]]]:
             size = os.fstat(file.fileno()).st_size
             members = [m for m in archive if m.isfile() and not m.issparse()]
     except (tarfile.TarError, ValueError, OverflowError) as error:
+        if is_pointer(source):
+            raise InputError(f"{source}: {POINTER}") from error
         raise InputError(f"{source}: not a readable .tar ({error}); copy it again") from error
     for member in members:
         if not 0 <= member.offset_data <= member.offset_data + member.size <= size:
