@@ -123,12 +123,57 @@ def test_other_files_are_named(tmp_path: Path, content: bytes, says: str) -> Non
     assert f"{path}: {says}" in refusal(path)
 
 
-def test_a_refocus_stack_holds_no_raw_image(tmp_path: Path) -> None:
+REFERENCES = {"imageRef": "sha1-0", "metadataRef": "sha1-1", "privateMetadataRef": "sha1-2"}
+
+
+def processed(path: Path, kind: str, pictures: int, frame: bool) -> Path:
+    """What Lytro Desktop made of a capture; `frame`: it refers to a sensor image elsewhere."""
     file = Container()
-    stack = {"imageRef": file.add(picture("JPEG")), "width": 32}
-    contents = {"picture": {"accelerationArray": [{"vendorContent": {"imageArray": [stack]}}]}}
-    path = file.write(tmp_path / "IMG_0001-stk.lfp", contents, contents_first=True)
-    assert "no raw image" in refusal(path)
+    images = [{"imageRef": file.add(picture("JPEG") + bytes([i]))} for i in range(pictures)]
+    made: dict[str, object] = {"imageArray": images}
+    if not pictures:
+        made = {"depthLut": {"imageRef": file.add(bytes(400))}}
+    acceleration = {"type": f"com.lytro.acceleration.{kind}", "vendorContent": made}
+    contents = {"picture": {"accelerationArray": [acceleration]}}
+    if frame:
+        contents["picture"]["frameArray"] = [{"frame": REFERENCES}]  # type: ignore[assignment]
+    return file.write(path, contents, contents_first=True)
+
+
+@pytest.mark.parametrize("frame", [True, False])
+@pytest.mark.parametrize(
+    ("name", "kind", "pictures", "says"),
+    [
+        ("IMG_0001-stk.lfp", "refocusStack", 3, "a stack of refocused pictures (3 JPEG)"),
+        ("renamed.lfp", "refocusStack", 3, "a stack of refocused pictures (3 JPEG)"),
+        ("stacklq_filtered.lfp", "x", 2, "a stack of refocused pictures (2 JPEG)"),
+        ("IMG_0001-dm.lfp", "x", 0, "a depth map"),
+        ("dm.lfp", "x", 0, "a depth map"),
+        ("renamed.lfp", "depthMap", 0, "a depth map"),
+        ("IMG_0001_warped.lfp", "x", 1, "a warped picture (1 JPEG)"),
+        ("compressed.lfp", "x", 1, "a compressed picture (1 JPEG)"),
+        ("IMG_0001-export.LFP", "x", 1, "an exported picture (1 JPEG)"),
+    ],
+)
+def test_processed_files_are_called_what_they_are(
+    tmp_path: Path, name: str, kind: str, pictures: int, says: str, frame: bool
+) -> None:
+    path = processed(tmp_path / name, kind, pictures, frame)
+    text = refusal(path)
+    assert says in text and "no raw image of the sensor" in text
+    assert "copy it again" not in text
+    assert "such as IMG_0001.lfp or raw.lfp" in text
+    if name.startswith("IMG"):
+        write_capture(tmp_path / "IMG_0001.lfp", SMALL, F01, random_raw(F01))
+        assert "give the file that the camera wrote, IMG_0001.lfp beside it" in refusal(path)
+
+
+def test_a_capture_without_its_sensor_image_is_incomplete(tmp_path: Path) -> None:
+    file = Container()
+    file.add(frame_metadata(SMALL, F01))
+    contents = {"picture": {"frameArray": [{"frame": REFERENCES}]}}
+    path = file.write(tmp_path / "IMG_0001.lfp", contents, contents_first=True)
+    assert "copy it again" in refusal(path)
 
 
 def capture_with(path: Path, metadata: dict) -> Path:

@@ -65,6 +65,30 @@ def test_other_cameras_are_passed_over(tmp_path: Path) -> None:
     assert "MOD_0000" in chosen(tmp_path, serial=None)
 
 
+def test_white_images_that_do_not_tell_their_camera_may_be_its(tmp_path: Path) -> None:
+    def forget(path: Path) -> None:
+        text = json.loads(path.with_suffix(".TXT").read_text())
+        text["master"]["picture"]["frameArray"][0]["frame"].pop("privateMetadata")
+        path.with_suffix(".TXT").write_text(json.dumps(text))
+
+    forget(make(tmp_path, "MOD_0000"))
+    make(tmp_path, "MOD_0001", serial="A000000001")
+    assert "MOD_0000" in chosen(tmp_path)
+    make(tmp_path, "MOD_0002", zoom_step=1)
+    assert "MOD_0002" in chosen(tmp_path)  # this camera's own
+
+
+def test_hidden_files_are_passed_over_in_folders_and_archives(tmp_path: Path) -> None:
+    folder = tmp_path / "unitdata"
+    make(folder, "MOD_0000")
+    for name in ("._MOD_0000.RAW", "._MOD_0000.TXT", "._caldata.tar"):
+        (folder / name).write_bytes(b"\0\5\x16\7 of macOS")
+    assert "MOD_0000" in chosen(folder)
+    with tarfile.open(tmp_path / "caldata-1.tar", "w") as archive:
+        archive.add(folder, "unitdata")
+    assert "MOD_0000" in chosen(tmp_path / "caldata-1.tar")
+
+
 def test_another_size_is_refused(tmp_path: Path) -> None:
     make(tmp_path, "MOD_0000")
     with pytest.raises(InputError, match=r"48x32 px; IMG_0001.lfp has 96x64"):

@@ -13,6 +13,7 @@ from epinet.documents import JSON_BYTES
 from epinet.errors import InputError
 from epinet.raw.bayer import packed_bytes, unpack
 from epinet.raw.container import Container, is_container, parse_json, read_container
+from epinet.raw.family import is_made_by_software, without_capture
 from epinet.raw.metadata import Frame, parse_frame
 from epinet.reading import read_bytes
 from epinet.texts import POINTER, is_pointer
@@ -102,16 +103,11 @@ def _first_frame(contents: Any) -> dict[str, Any] | None:
 def _frame_references(container: Container) -> dict[str, str]:
     frame = _first_frame(container.contents)
     if frame is None or not {"imageRef", "metadataRef"} <= frame.keys():
-        if "files" in container.contents:
-            found = "the camera's stored calibration, no picture; give it with --white"
-        else:
-            found = (
-                "no raw image in it, only what Lytro's software made of one (a refocus stack, "
-                "depth or pictures); give the file that the camera wrote, such as IMG_0001.lfp "
-                "or .LFR, not -stk.lfp"
-            )
-        raise InputError(f"{container.path}: {found}")
-    return {key: str(value) for key, value in frame.items()}
+        raise InputError(f"{container.path}: {without_capture(container)}")
+    references = {key: str(value) for key, value in frame.items()}
+    if references["imageRef"] not in container and is_made_by_software(container):
+        raise InputError(f"{container.path}: {without_capture(container)}")
+    return references
 
 
 def _frame_beside(path: Path) -> Frame:

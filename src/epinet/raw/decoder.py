@@ -14,6 +14,7 @@ from epinet.lightfield import LightField
 from epinet.raw.bayer import mosaic
 from epinet.raw.capture import Capture, read_capture
 from epinet.raw.colour import balance, to_srgb
+from epinet.raw.family import calibration_by_name
 from epinet.raw.interpolate import sample_lenslets
 from epinet.raw.lenslets import fit_grid
 from epinet.raw.metadata import Frame
@@ -54,6 +55,8 @@ def decode(
     """
     if views % 2 == 0 or not FEWEST_VIEWS <= views <= MOST_VIEWS:
         raise InputError(f"{views} views: an odd number from {FEWEST_VIEWS} to {MOST_VIEWS}")
+    if found := calibration_by_name(path):
+        raise InputError(f"{path}: {found}")
     capture = read_capture(path)
     white_raw, notes = _white_of(capture, path, white)
     pixels, sampling = decode_capture(capture, white_raw, views, progress)
@@ -133,8 +136,9 @@ def _white_of(
             raise
         return None, (_ESTIMATED.format(error),)
     zoom, focus = white.frame.zoom_step - frame.zoom_step, white.frame.focus_step - frame.focus_step
+    whose = "" if white.frame.serial else "; it does not say of which camera"
     off = f" ({zoom:+d} zoom and {focus:+d} focus steps off)" if zoom or focus else ""
-    return white.read(), (f"vignetting by the white image {white.frame.where}{off}",)
+    return white.read(), (f"vignetting by the white image {white.frame.where}{off}{whose}",)
 
 
 def _notes(frame: Frame, sampling: Sampling) -> tuple[str, ...]:

@@ -65,7 +65,7 @@ def find_whites(source: Path) -> list[White]:
     """
     if not source.exists():
         raise InputError(f"{source}: no such file or folder of white images")
-    files = dict(_files(source))
+    files = {name: load for name, load in _files(source) if not _is_hidden(name)}
     by_stem: dict[str, Callable[[], bytes]] = {}
     for name, load in files.items():
         if name.lower().endswith(_METADATA_SUFFIXES):
@@ -88,12 +88,15 @@ def find_whites(source: Path) -> list[White]:
 def choose_white(whites: list[White], capture: Frame, source: Path) -> White:
     """The white image nearest in zoom, then in focus, of the camera that took the capture.
 
-    Of equal settings the longest exposure is taken.
+    Of equal settings the longest exposure is taken. White images without a serial number are taken
+    for that camera's where there are none with its number.
 
     Raises:
         InputError: all are of other cameras or sizes.
     """
     fitting = [w for w in whites if w.frame.serial == capture.serial or capture.serial is None]
+    # Where some do not tell whose they are, no others being this camera's, they may be.
+    fitting = fitting or [w for w in whites if w.frame.serial is None]
     if not fitting:
         serials = ", ".join(sorted({str(w.frame.serial) for w in whites}))
         raise InputError(
@@ -229,6 +232,11 @@ def _files_of_archive(
         raise InputError(f"{source}: names {following.name} as its next volume, which came before")
     if following.is_file():
         yield from _files_of_archive(following, before | {source})
+
+
+def _is_hidden(name: str) -> bool:
+    """Whether a system keeps it beside the user's: `._MOD_0000.RAW` of macOS, in archives, too."""
+    return PurePosixPath(name).name.startswith(".")
 
 
 def _stem(name: str) -> str:
