@@ -13,7 +13,7 @@ with every length in mm and F the focus distance (the 4D Light Field Benchmark's
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,16 @@ class Camera:
         """The stated bounds; None where one is missing or they bound nothing."""
         low, high = self.disparity_min_px, self.disparity_max_px
         return None if low is None or high is None or low >= high else (low, high)
+
+    def at_every(self, step: int) -> Camera:
+        """The same of every `step`-th view: baseline and stated bounds grow."""
+        low, high = self.disparity_min_px, self.disparity_max_px
+        return replace(
+            self,
+            baseline_mm=self.baseline_mm * step,
+            disparity_min_px=None if low is None else low * step,
+            disparity_max_px=None if high is None else high * step,
+        )
 
     @property
     def focal_px(self) -> float:

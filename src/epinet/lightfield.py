@@ -63,9 +63,11 @@ class LightField:
     def __post_init__(self) -> None:
         v = self.views
         if v.ndim != 5 or v.shape[-1] not in (1, 3):
-            raise InputError(f"views must have shape (V, U, H, W, 1 or 3), got {v.shape}")
+            gray = "; give gray ones a last axis: views[..., None]" if v.ndim == 4 else ""
+            raise InputError(f"views must have shape (V, U, H, W, 1 or 3), got {v.shape}{gray}")
         if v.dtype not in (np.uint8, np.uint16, np.float32):
-            raise InputError(f"views must be uint8, uint16 or float32, got {v.dtype}")
+            how = "; views.astype(np.float32) is" if v.dtype.kind == "f" else ""
+            raise InputError(f"views must be uint8, uint16 or float32 in 0..1, got {v.dtype}{how}")
         if self.present is None:
             object.__setattr__(self, "present", np.ones(v.shape[:2], dtype=bool))
         others = {f"truth of view {position}": t for position, t in self.view_truths.items()}
@@ -165,15 +167,7 @@ class LightField:
             )
         rows = slice(row - reach, row + reach + 1, step)
         cols = slice(col - reach, col + reach + 1, step)
-        camera = self.camera
-        if camera is not None and step > 1:
-            low, high = camera.disparity_min_px, camera.disparity_max_px
-            camera = replace(
-                camera,
-                baseline_mm=camera.baseline_mm * step,
-                disparity_min_px=None if low is None else low * step,
-                disparity_max_px=None if high is None else high * step,
-            )
+        camera = None if self.camera is None else self.camera.at_every(step)
         row0, col0 = self.grid_origin
         return replace(
             self,

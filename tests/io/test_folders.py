@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 from epinet.angular import star_positions
 from epinet.camera import Camera
@@ -39,11 +41,16 @@ def keep(scene: Path, positions: list[tuple[int, int]]) -> None:
 
 
 def named(folder: Path, lf: LightField, pattern: str, first: int = 0) -> Path:
+    """Rows r, columns c and numbers i; with p for letters as signs, w for words, h for halves."""
     folder.mkdir()
     for row, col in np.ndindex(lf.grid):
-        index = lf.grid[1] * row + col
-        name = pattern.format(r=row + first, c=col + first, i=index + first, x=row * -1.25)
-        write_png(folder / name, lf.views[row, col])
+        given: dict[str, object] = {"x": row * -1.25}
+        numbers = {"r": row + first, "c": col + first, "i": lf.grid[1] * row + col + first}
+        for key, n in numbers.items():
+            word = "minus" if n < 0 else "Plus" if n else ""
+            given |= {key: n, f"{key}p": f"{'m' if n < 0 else 'p'}{abs(n)}"}
+            given |= {f"{key}w": f"{word}{abs(n):02d}", f"{key}h": n / 2}
+        write_png(folder / pattern.format(**given), lf.views[row, col])
     return folder
 
 
@@ -229,22 +236,161 @@ def test_two_files_for_one_view(scene: Path) -> None:
         ("Cam_r{r:02d}_c{c:02d}.png", 0),
         ("{i:03d}_{r}_{c}.png", 0),
         ("out_{r:02d}_{c:02d}_{x:.2f}_1010.5_.png", 0),
+        ("view_{r:+d}_{c:+d}.png", -5),
+        ("view{r:+d}{c:+d}.png", -5),
+        ("view_{r}_{c}.png", -5),
+        ("{r},{c}.png", -5),
+        ("v{rp}_h{cp}.png", -5),
+        ("V{rw}-H{cw}.PNG", -5),
+        ("cam.{r}.{c}.png", 0),
+        ("{r:02d}.{c:02d}.png", 1),
+        ("shot2.{r:04d}_{c:04d}.png", 1),
+        ("view_{rh:.1f}_{ch:.1f}.png", 0),
     ],
 )
 def test_rows_and_columns_in_names(
     tmp_path: Path, make: MakeLightField, pattern: str, first: int
 ) -> None:
-    lf = read_light_field(named(tmp_path / "scene", make(11), pattern, first))
+    folder = named(tmp_path / "scene", make(11), pattern, first)
+    lf = read_light_field(folder)
     assert lf.layout == "rows_cols"
     np.testing.assert_array_equal(lf.views, make(11).views)
+    given = named(tmp_path / "again", make(11), pattern, first)
+    sorted_ = sorted(given.iterdir(), key=lambda file: (read_image(file) != lf.views[5, 5]).any())
+    sorted_[0].unlink()
+    (found,) = problems(given)
+    written = {"{i": "*_5_5.png", "ou": "out_05_05_*_1010.5_.png"}.get(pattern[:2], sorted_[0].name)
+    assert found.startswith(f"{given}/{written}: missing")
 
 
-@pytest.mark.parametrize("pattern", ["{i}.png", "img_{i:03d}.png", "7x7 take 2 ({i:02d}).png"])
-@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize(
+    "pattern",
+    ["{i}.png", "img_{i:03d}.png", "7x7 take 2 ({i:02d}).png", "shot2.{i:04d}.png", "CAM{i}.Png"],
+)
+@pytest.mark.parametrize("first", [0, 1, 1001])
 def test_numbers_in_names(tmp_path: Path, make: MakeLightField, pattern: str, first: int) -> None:
     lf = read_light_field(named(tmp_path / "scene", make(5), pattern, first))
     assert lf.layout == "numbered"
     np.testing.assert_array_equal(lf.views, make(5).views)
+
+
+@pytest.mark.parametrize("step", [2, 10])
+def test_every_kth_number(tmp_path: Path, make: MakeLightField, step: int) -> None:
+    views = make(5).views
+    for name in ("rows", "numbers", "lattice", "hci", "hci_lattice"):
+        (tmp_path / name).mkdir()
+    for row, col in np.ndindex(5, 5):
+        index, sparse = step * (5 * row + col), 18 * row + 2 * col
+        for name in (
+            f"rows/{step * row}_{step * col + 3}.png",
+            f"numbers/{index + 7:04d}.png",
+            f"lattice/{sparse:03d}.png",
+            f"hci/input_Cam{index:03d}.png",
+            f"hci_lattice/input_Cam{sparse:03d}.png",
+        ):
+            write_png(tmp_path / name, views[row, col])
+    for folder in tmp_path.iterdir():
+        lf = read_light_field(folder)
+        np.testing.assert_array_equal(lf.views, views, folder.name)
+        assert (lf.grid_step == 2) == ("lattice" in folder.name)
+
+
+def test_every_second_view_of_a_scene_has_its_own_unit(
+    tmp_path: Path, make: MakeLightField, camera: Camera
+) -> None:
+    """As the same light field thinned out by `central`."""
+    truth = np.linspace(-1, 1, 24 * 30, dtype=np.float32).reshape(24, 30)
+    whole = LightField(make().views, camera=camera, truth=truth)
+    write_light_field(tmp_path / "scene", whole, "hci")
+    for row, col in np.ndindex(9, 9):
+        if row % 2 or col % 2:
+            view(tmp_path / "scene", row, col).unlink()
+    lf, expected = read_light_field(tmp_path / "scene"), whole.central(5, 2)
+    np.testing.assert_array_equal(lf.views, expected.views)
+    np.testing.assert_array_equal(lf.truth, expected.truth)
+    assert (lf.camera, lf.grid_step, lf.reference) == (expected.camera, 2, expected.reference)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_scenes_numbered_from_one(tmp_path: Path, make: MakeLightField, first: int) -> None:
+    folder = named(tmp_path / "scene", make(), "input_Cam{i:03d}.png", first)
+    np.testing.assert_array_equal(read_light_field(folder).views, make().views)
+
+
+@pytest.mark.parametrize("name", ["input_Cam{}.png", "{}.png", "view_{}_0.png", "view_0_{}.png"])
+def test_indices_are_bounded_by_the_number_of_files(
+    tmp_path: Path, make: MakeLightField, name: str
+) -> None:
+    """A name with a huge number costs neither memory nor time."""
+    pattern = {"input_Cam{}.png": "input_Cam{i:03d}.png", "{}.png": "{i}.png"}
+    folder = named(tmp_path / "scene", make(5), pattern.get(name, "view_{r}_{c}.png"))
+    (folder / "parameters.cfg").write_text("[extrinsics]\nnum_cams_x=99999999\nnum_cams_y=99999999")
+    for digits in (8, 200):
+        stray = folder / name.format("9" * digits)
+        write_png(stray, make(5).views[0, 0])
+        begun = time.monotonic()
+        assert len(problems(folder)) == 1
+        assert time.monotonic() - begun < 2
+        stray.unlink()
+
+
+def test_a_corner_of_the_views_is_never_taken_for_the_grid(
+    tmp_path: Path, make: MakeLightField
+) -> None:
+    folder = named(tmp_path / "scene", make(5), "left_{r}_{c}.png")
+    for row, col in np.ndindex(9, 9):
+        if max(row, col) > 4:
+            write_png(folder / f"right{row}_{col}.png", make().views[row, col])
+    (found,) = problems(folder)
+    assert "56 images are named like right" in found and "25 like left_0_0.png" in found
+    folder = named(tmp_path / "hci", make(3), "input_Cam{i:03d}.png")
+    for i in range(9, 25):
+        write_png(folder / f"input_Cam_{i:03d}.png", make().views[0, 0])
+    (found,) = problems(folder)
+    assert "16 like input_Cam_009.png" in found
+
+
+def test_capitals_and_endings_may_be_mixed(tmp_path: Path, make: MakeLightField) -> None:
+    folder = named(tmp_path / "scene", make(5), "view_{r}_{c}.png")
+    for i, file in enumerate(sorted(folder.iterdir())):
+        if i % 3 == 1:
+            file.rename(file.with_name(file.name.upper()))
+        elif i % 3 == 2:
+            Image.fromarray(read_image(file)).save(file.with_suffix(".tiff"))
+            file.unlink()
+    np.testing.assert_array_equal(read_light_field(folder).views, make(5).views)
+
+
+@pytest.mark.parametrize(
+    ("shape", "names"),
+    [
+        ((1, 9), "view_8_{k}.png"),
+        ((9, 1), "{k:03d}.png"),
+        ((1, 25), "input_Cam{k:03d}.png"),
+        ((4, 9), "{k}.png"),
+        ((3, 3), "view_8_{k}.png"),
+        ((5, 5), "input_Cam{k:03d}.png"),
+        ((6, 6), "{k}.png"),
+    ],
+)
+def test_plain_numbers_are_believed_where_images_agree(
+    tmp_path: Path, shape: tuple[int, int], names: str
+) -> None:
+    """A row of cameras is no grid, though its count is a square."""
+    rng = np.random.default_rng(4)
+    texture = gaussian_filter(rng.random((300, 300)), 1.5)
+    texture = (255 * (texture - texture.min()) / np.ptp(texture)).astype(np.uint8)
+    (tmp_path / "scene").mkdir()
+    for row, col in np.ndindex(shape):
+        k = shape[1] * row + col
+        near, far = (texture[100 + d * row :, 100 + d * col :][:60, :80] for d in (2, -1))
+        picture = np.where(np.hypot(*np.mgrid[-30:30, -40:40]) < 22, near, far)
+        write_png(tmp_path / "scene" / names.format(k=k), picture)
+    if shape[0] == shape[1]:
+        assert read_light_field(tmp_path / "scene").grid == shape
+        return
+    (found,) = problems(tmp_path / "scene")
+    assert f"they fit {shape[0]}x{shape[1]} (rows x columns)" in found
 
 
 def test_an_even_grid_is_kept_whole(tmp_path: Path, make: MakeLightField) -> None:
@@ -297,6 +443,12 @@ def test_ambiguous_names(tmp_path: Path, make: MakeLightField) -> None:
     assert "1 and 2 or 2 and 3" in problems(folder)[0]
 
 
+def test_names_with_backslashes_tell_of_an_archive(tmp_path: Path, make: MakeLightField) -> None:
+    named(tmp_path / "scene", make(3), "lf\\input_Cam{i:03d}.png")
+    (found,) = problems(tmp_path / "scene")
+    assert "9 names hold a backslash, such as lf\\input_Cam000.png" in found
+
+
 # --- what is no light field ------------------------------------------------------------------
 
 
@@ -307,6 +459,16 @@ def test_unknown_paths_say_what_was_found(tmp_path: Path) -> None:
     assert "0 images, 0 folders and 1 other files" in problems(tmp_path)[0]
     assert "rows_cols: folder of images" in problems(tmp_path)[0]
     assert "a .txt file" in problems(tmp_path / "notes.txt")[0]
+    for i in range(9):
+        (tmp_path / f"{i}.exr").touch()
+    (found,) = problems(tmp_path)
+    assert "9 of them end in .exr" in found and ".jfif" in found
+    (tmp_path / "scene.zip").touch()
+    assert "unpack the archive" in problems(tmp_path / "scene.zip")[0]
+    for name in ("caldata-B5143909630.tar", "data.C.0", "MOD_0003.RAW"):
+        (tmp_path / name).touch()
+        (found,) = problems(tmp_path / name)
+        assert "give it with --white" in found
 
 
 @pytest.mark.parametrize("layout", ["hci", "rows_cols", "numbered"])
@@ -355,7 +517,7 @@ def test_a_skipped_number_is_named(tmp_path: Path, make: MakeLightField) -> None
             tmp_path / "shots" / f"{index + 1:03d}.png"
         )
     (found,) = problems(tmp_path / "shots")
-    assert "The 25 images would fill one: 12 skipped" in found
+    assert "The 25 images would fill one: 012 skipped" in found
 
 
 @pytest.mark.parametrize("focus", ["inf", "-2.5"])

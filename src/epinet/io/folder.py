@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from math import gcd
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +15,89 @@ from numpy.typing import NDArray
 
 from epinet.angular import star_positions
 from epinet.errors import InputError
-from epinet.io.images import check_decoded_images, check_samples, read_image, write_png
+from epinet.io.images import (
+    check_decoded_images,
+    check_samples,
+    image_size,
+    read_image,
+    write_png,
+)
+from epinet.io.names import alike
 from epinet.io.problems import Problems, listed
 from epinet.lightfield import LightField
 
+_MOST_PATTERNS = 3
+_FEW_OTHERS = 4
+"""Numbered images beside the views that a small grid may have."""
+_SMALLEST_STAR = 9
+_SIDE_OF_ANY, _SIDE_PER_FILE = 9, 4
+"""No grid has fewer views of its star than a quarter of its rows: indices are bounded by files."""
 Position = tuple[int, int]
 """(row, col) of a view in the grid."""
+
+
+def one_kind(files: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Split images into those named alike, which are the views, and the rest.
+
+    Raises:
+        InputError: more than a fifth as many images of the same size are numbered in other ways, or
+            as many of any size: which of them are the views, or what pattern all follow, is
+            anyone's guess.
+    """
+    group, rest = alike(files)
+    others, _ = alike(rest)
+    if len(others) == len(group) > 1:
+        raise InputError(
+            f"{group[0].parent}: {len(group)} images named like {group[0].name} and as many like "
+            f"{others[0].name}; leave only the views in the folder"
+        )
+    check_rest(group, rest)
+    return group, rest
+
+
+def check_rest(views: list[Path], rest: list[Path]) -> None:
+    """Refuse to take some of the views for all of them.
+
+    Args:
+        views: images whose names fit a pattern.
+        rest: of the same folder, others; those without a number are no views.
+
+    Raises:
+        InputError: more than a fifth as many of the rest have the size of the views.
+    """
+    few = max(_FEW_OTHERS, len(views) // 5)
+    rest = [file for file in rest if any(c.isdecimal() for c in file.stem)]
+    if len(rest) <= few:
+        return
+    size = image_size(views[0])
+    rest = [file for file in rest if image_size(file) == size]
+    if len(rest) <= few:
+        return
+    patterns = []
+    left = rest
+    while left and len(patterns) < _MOST_PATTERNS:
+        group, left = alike(left)
+        patterns.append(f"{len(group)} like {group[0].name}")
+    patterns += [f"{len(left)} others"] * bool(left)
+    raise InputError(
+        f"{views[0].parent}: {len(views)} images are named like {views[0].name}, and of the same "
+        f"size there are {', '.join(patterns)}; name all views alike, such as "
+        "view_<row>_<column>.png, and leave only them in the folder"
+    )
+
+
+def sublattice(files: Mapping[Position, Path]) -> tuple[int, Position, int] | None:
+    """(step, first position, side) where the views are every step-th of a larger square grid.
+
+    None where they are no such grid of at least 3x3.
+    """
+    rows, cols = ({position[axis] for position in files} for axis in (0, 1))
+    first = min(rows), min(cols)
+    step = gcd(*(row - first[0] for row in rows), *(col - first[1] for col in cols))
+    span = max(rows) - first[0]
+    if step < 2 or span != max(cols) - first[1] or span < 2 * step:
+        return None
+    return step, first, span // step + 1
 
 
 def read_grid(
@@ -45,6 +124,29 @@ def read_grid(
         InputError: every missing view of the star, every image that cannot be read, and every
             one whose size or type differs from the others'.
     """
+    if lattice := sublattice(files):
+        step, (row0, col0), inner = lattice
+        lf = read_grid(
+            {((r - row0) // step, (c - col0) // step): file for (r, c), file in files.items()},
+            inner,
+            lambda row, col: name(row0 + step * row, col0 + step * col),
+            folder,
+            ignored,
+        )
+        note = f"every {step}. row and column of a {side}x{side} grid is there; disparity is from "
+        origin_ = (row0 + step * lf.grid_origin[0], col0 + step * lf.grid_origin[1])
+        return replace(
+            lf,
+            grid_origin=origin_,
+            grid_step=step,
+            notes=(*lf.notes, f"{note}one of these views to the next"),
+        )
+    if side > max(_SIDE_OF_ANY, _SIDE_PER_FILE * len(files)):
+        last = max(files.values())
+        raise InputError(
+            f"{folder}: numbers in the names go up to {last.name}, as in a grid of {side}x{side} "
+            f"views, of which {len(files)} are there; remove what is no view"
+        )
     n = side if len(files) == side * side else _star_side(files, side, folder)
     origin = (side - 1) // 2 - (n - 1) // 2
     inside = {
@@ -53,11 +155,17 @@ def read_grid(
         if origin <= row < origin + n and origin <= col < origin + n
     }
     star = star_positions(n) if n % 2 else []
+    missing = [(row + origin, col + origin) for row, col in star if (row, col) not in inside]
+    if 2 * len(missing) > len(star) > _SMALLEST_STAR:
+        raise InputError(
+            f"{folder}: numbers in the names span {n}x{n} views, of whose centre row and column "
+            f"and diagonals, {len(star)} views, only {len(star) - len(missing)} are there; remove "
+            "what is no view of this grid, or name the views view_<row>_<column>.png"
+        )
     problems = Problems(
-        f"{folder / name(row + origin, col + origin)}: missing; "
+        f"{folder / name(row, col)}: missing; "
         f"{n}x{n} views need the centre row and column and both diagonals, {len(star)} in all"
-        for row, col in star
-        if (row, col) not in inside
+        for row, col in missing
     )
     with problems.gather():
         check_decoded_images(folder, inside.values())

@@ -14,9 +14,9 @@ read by `read_view_truths` only: few want them. The benchmark's download of all 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from math import isqrt
+from math import gcd, isqrt
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 
 from epinet.camera import Camera
 from epinet.errors import InputError
-from epinet.io.folder import read_grid, write_views
+from epinet.io.folder import check_rest, read_grid, write_views
 from epinet.io.images import image_files, read_image, read_mask, write_png
 from epinet.io.layout import Layout
+from epinet.io.numbered import check_arrangement
 from epinet.io.parameters import Parameters, read_parameters, write_parameters
 from epinet.io.pfm import read_pfm, write_pfm
 from epinet.io.problems import Problems
@@ -80,10 +81,11 @@ def read(folder: Path) -> LightField:
             masks[name] = _read_mask(path, size)
     if lf is None or problems:
         raise InputError(problems)
+    step, camera = lf.grid_step, parameters.camera
     return replace(
         lf,
-        camera=parameters.camera,
-        truth=truth,
+        camera=None if camera is None else camera.at_every(step),
+        truth=truth if truth is None or step == 1 else truth * np.float32(step),
         masks=masks,
         objects=objects,
         captured=parameters.captured,
@@ -127,11 +129,12 @@ def read_view_truths(
     problems = Problems()
     truths = {}
     row0, col0 = lf.grid_origin
-    side = lf.grid[1] + 2 * col0
+    step = lf.grid_step
+    side = step * (lf.grid[1] - 1) + 1 + 2 * col0
     for row, col in positions:
-        path = folder / view_truth_name(side, row + row0, col + col0)
+        path = folder / view_truth_name(side, step * row + row0, step * col + col0)
         with problems.gather():
-            truths[row, col] = checked_truth(read_pfm(path), lf.size, path)
+            truths[row, col] = checked_truth(read_pfm(path), lf.size, path) * np.float32(step)
     problems.raise_any()
     return truths
 
@@ -148,6 +151,9 @@ def _read_views(folder: Path, stated_side: int | None) -> LightField:
     if not by_index:
         raise InputError(f"{folder}: no image is named input_Cam000.png or alike")
     problems.raise_any()
+    check_rest(list(by_index.values()), _look_alikes(folder, set(by_index.values())))
+    if stated_side is None:
+        by_index = _renumbered(by_index)
     side = stated_side or _guess_side(folder, by_index)
     if max(by_index) >= side * side:
         raise InputError(
@@ -156,9 +162,35 @@ def _read_views(folder: Path, stated_side: int | None) -> LightField:
         )
     files = {divmod(index, side): file for index, file in by_index.items()}
     suffix = next(iter(by_index.values())).suffix
-    return read_grid(
-        files, side, lambda row, col: f"input_Cam{side * row + col:03d}{suffix}", folder
-    )
+    lf = read_grid(files, side, lambda row, col: f"input_Cam{side * row + col:03d}{suffix}", folder)
+    if stated_side is None and side != _BENCHMARK_SIDE:
+        check_arrangement(folder, lf, len(files))
+    return lf
+
+
+def _look_alikes(folder: Path, views: set[Path]) -> list[Path]:
+    """Images whose names begin as a view's and go on in another way."""
+    others = (file for file in image_files(folder) if file not in views)
+    return [file for file in others if file.name.lower().startswith("input")]
+
+
+def _renumbered(by_index: Mapping[int, Path]) -> dict[int, Path]:
+    """Counted from 0, where the numbers begin at 1 or are every k-th and fill a square grid."""
+    first, last = min(by_index), max(by_index)
+    step = gcd(*(index - first for index in by_index)) or 1
+    count = (last - first) // step + 1
+    fills = count == len(by_index) and isqrt(count) ** 2 == count and count >= 9
+    if not fills or first not in (0, 1, step) or _on_a_line(by_index):
+        return dict(by_index)
+    return {(index - first) // step: file for index, file in by_index.items()}
+
+
+def _on_a_line(by_index: Iterable[int]) -> bool:
+    """Whether all are of one row, column or diagonal of the benchmark's grid."""
+    positions = [divmod(index, _BENCHMARK_SIDE) for index in by_index]
+    rows, cols = zip(*positions, strict=True)
+    sums, differences = {r + c for r, c in positions}, {r - c for r, c in positions}
+    return min(map(len, (set(rows), set(cols), sums, differences))) == 1
 
 
 def _guess_side(folder: Path, by_index: dict[int, Path]) -> int:

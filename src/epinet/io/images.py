@@ -58,6 +58,15 @@ def image_files(folder: Path) -> list[Path]:
     )
 
 
+def image_size(path: Path) -> tuple[int, int] | None:
+    """(width, height) by the beginning of an image file; None where it tells none."""
+    try:
+        with open_regular(path) as file:
+            return Image.open(file, formats=(*_FORMATS, "PPM")).size
+    except Exception:  # a damaged file makes Pillow raise anything
+        return None
+
+
 def read_image(path: str | Path) -> NDArray[Any]:
     """Read an image as (H, W, C): uint8 or uint16, C = 1 (gray) or 3 (RGB), alpha dropped.
 

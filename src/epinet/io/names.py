@@ -6,12 +6,52 @@ import os
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import gcd
 from pathlib import Path
 
-from epinet.errors import InputError
-
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_NUMBER = re.compile(r"(\d+(?:\.\d+)*)")
+_SIGN = re.compile(r"(?:[-+\u2212]|plus|minus|pos|neg|[pmn])$", re.IGNORECASE)
+_NEGATIVE = frozenset({"-", "\u2212", "minus", "neg", "m", "n"})
+_SAME_ENDINGS = {".jpeg": ".jpg", ".jpe": ".jpg", ".jfif": ".jpg", ".tiff": ".tif"}
 _OF_WINDOWS = frozenset({"thumbs.db", "desktop.ini"})
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A number in names that are alike, evenly spaced from the least to the greatest."""
+
+    place: int
+    """Which number of a name, from 0, where two with a dot between them count as one."""
+    part: int | None
+    """Which of the whole numbers between dots; None means all together, a fraction perhaps."""
+    indices: tuple[int, ...]
+    """In the order of the files: 0 for the least number, 1 for the next that may stand there."""
+    first: int
+    step: int
+    """The number at index i is first + i * step, with `decimals` of its digits behind the dot."""
+    decimals: int
+    width: int
+    """Digits that it is padded to."""
+    signs: Mapping[int, str]
+    """What stands before negative numbers (-1), before 0 and before positive ones (1)."""
+    by_dots: int
+    """How doubtful it is: 0 for a whole number between other signs, 1 for one beside a dot, 2 for a
+    fraction."""
+
+    @property
+    def count(self) -> int:
+        """How many indices there may be."""
+        return max(self.indices) + 1
+
+    def text(self, index: int) -> str:
+        """How a name has it, sign and all."""
+        value = self.first + index * self.step
+        whole, fraction = divmod(abs(value), 10**self.decimals)
+        number = f"{whole:0{self.width}d}"
+        if self.decimals:
+            number += f".{fraction:0{self.decimals}d}"
+        return self.signs.get(_sign(value), "-" if value < 0 else "") + number
 
 
 def is_shown(path: Path) -> bool:
@@ -25,29 +65,28 @@ def folder_name(folder: Path) -> str:
 
 
 def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:
-    """Split into the largest group of names that differ in their numbers only, and the rest."""
-    groups: dict[str, list[Path]] = defaultdict(list)
-    for file in files:
-        groups[re.sub(rf"-?{_NUMBER.pattern}", "#", file.name)].append(file)
-    group = max(groups.values(), key=len, default=[])
-    return group, [file for file in files if file not in group]
+    """Split into the largest group of names that differ in their numbers only, and the rest.
 
-
-def one_kind(files: list[Path]) -> tuple[list[Path], list[Path]]:
-    """Split as `alike` does, where it is plain which group is the largest.
-
-    Raises:
-        InputError: as many files of another group, naming one of each: which of them are the
-            views is anyone's guess.
+    Signs belong to the numbers: -3, +3, m3 and p3. Capitals and small letters are the same, and so
+    are endings, unless there are files of the same name that differ in them.
     """
-    group, rest = alike(files)
-    others, _ = alike(rest)
-    if len(others) == len(group) > 1:
-        raise InputError(
-            f"{group[0].parent}: {len(group)} images named like {group[0].name} and as many like "
-            f"{others[0].name}; leave only the views in the folder"
-        )
-    return group, rest
+    groups: dict[tuple[str, ...], list[Path]] = defaultdict(list)
+    for file in files:
+        texts, _, _ = _parsed(file.stem)
+        groups[tuple(text.lower() for text in texts)].append(file)
+    split: list[list[Path]] = []
+    for group in groups.values():
+        if len({file.stem.lower() for file in group}) == len(group):
+            split.append(group)
+            continue
+        by_ending: dict[str, list[Path]] = defaultdict(list)
+        for file in group:
+            ending = file.suffix.lower()
+            by_ending[_SAME_ENDINGS.get(ending, ending)].append(file)
+        split += by_ending.values()
+    group = max(split, key=len, default=[])
+    chosen = set(group)
+    return group, [file for file in files if file not in chosen]
 
 
 def strangers(folder: Path, is_ours: Callable[[str], object]) -> list[str]:
@@ -55,29 +94,127 @@ def strangers(folder: Path, is_ours: Callable[[str], object]) -> list[str]:
     return sorted(p.name for p in folder.iterdir() if is_shown(p) and not is_ours(p.name))
 
 
-def integer_fields(files: list[Path]) -> dict[int, list[int]]:
-    """The values of each number of names that are alike, if whole in all of them.
+def fields(files: list[Path]) -> list[Field]:
+    """The numbers of names that are alike, as far as they differ.
 
-    Keys count the numbers of a name from 0; "out_00_16_-776.88_" has fields 0 and 1.
+    Example:
+        >>> names = ["cam.3.-1.png", "cam.3.0.png", "cam.3.1.png"]
+        >>> [(f.text(0), f.indices) for f in fields([Path(name) for name in names])]
+        [('-1', (0, 1, 2))]
     """
-    rows = [_NUMBER.findall(file.stem) for file in files]
-    columns = enumerate(zip(*rows, strict=True))
-    return {i: [int(text) for text in column] for i, column in columns if _all_whole(column)}
+    found = []
+    for place, tokens in enumerate(_columns(files)):
+        numbers = [token.number.split(".") for token in tokens]
+        parts = {len(number) for number in numbers}
+        if max(parts) <= 2:
+            found.append(_field(place, None, tokens, [token.number for token in tokens]))
+        if len(parts) == 1 and parts != {1}:
+            found += [
+                _field(place, part, tokens, [number[part] for number in numbers])
+                for part in range(*parts)
+            ]
+    return [field for field in found if field is not None]
 
 
-def renumbered(sample: Path, numbers: Mapping[int, int]) -> str:
-    """The name of `sample` with other numbers in some fields; fractional ones become `*`."""
-    fields = iter(range(len(sample.stem)))
+def renamed(sample: Path, files: list[Path], indices: Mapping[Field, int]) -> str:
+    """The name that `sample` would have with these indices; other varying numbers become `*`."""
+    texts, signs, numbers = _parsed(sample.stem)
+    columns = _columns(files)
+    name = texts[0]
+    for place, tokens in enumerate(columns):
+        here = {f: i for f, i in indices.items() if f.place == place}
+        whole = next((f for f in here if f.part is None), None)
+        if whole is not None:
+            name += whole.text(here[whole])
+        elif here:
+            parts: list[str] = numbers[place].split(".")
+            for field, index in here.items():
+                assert field.part is not None
+                parts[field.part] = field.text(index)
+            name += ".".join(parts)
+        elif len({(token.sign, token.number) for token in tokens}) > 1:
+            name += "*"
+        else:
+            name += signs[place] + numbers[place]
+        name += texts[place + 1]
+    return name + sample.suffix
 
-    def replacement(match: re.Match[str]) -> str:
-        field = next(fields)
-        if field in numbers:
-            width = len(match[0]) if match[0].startswith("0") else 0
-            return f"{numbers[field]:0{width}d}"
-        return "*" if "." in match[0] else match[0]
 
-    return _NUMBER.sub(replacement, sample.stem) + sample.suffix
+@dataclass(frozen=True)
+class _Token:
+    """A number of a name as it is written."""
+
+    before: str
+    sign: str
+    number: str
 
 
-def _all_whole(texts: tuple[str, ...]) -> bool:
-    return all(text.isdecimal() for text in texts)
+def _parsed(stem: str) -> tuple[list[str], list[str], list[str]]:
+    """The texts around the numbers of a name, the numbers' signs, and the numbers without them."""
+    pieces = _NUMBER.split(stem)
+    texts, signs = pieces[::2], []
+    for place in range(len(texts) - 1):
+        sign = _SIGN.search(texts[place])
+        signs.append(sign[0] if sign else "")
+        texts[place] = texts[place].removesuffix(signs[-1])
+    return texts, signs, pieces[1::2]
+
+
+def _columns(files: list[Path]) -> list[list[_Token]]:
+    """By place, how each of the files has its number."""
+    rows = []
+    for file in files:
+        texts, signs, numbers = _parsed(file.stem)
+        rows.append([_Token(*token) for token in zip(texts[:-1], signs, numbers, strict=True)])
+    return [list(column) for column in zip(*rows, strict=True)]
+
+
+def _field(place: int, part: int | None, tokens: list[_Token], texts: list[str]) -> Field | None:
+    """None where all are the same, or one is no number."""
+    signs: dict[int, str] = {}
+    values = []
+    leads = part in (None, 0)  # what stands before the number stands before this part
+    signed = leads and _is_signed(place, tokens)
+    decimals = max(len(text.partition(".")[2]) for text in texts)
+    for token, text in zip(tokens, texts, strict=True):
+        whole, _, fraction = text.partition(".")
+        value = int(whole + fraction.ljust(decimals, "0"))
+        if signed and token.sign.lower() in _NEGATIVE:
+            value = -value
+        values.append(value)
+        if leads:
+            signs[_sign(value)] = token.sign
+    first = min(values)
+    step = gcd(*(value - first for value in values))
+    if step == 0:
+        return None
+    wholes = [text.partition(".")[0] for text in texts]
+    padded = [len(text) for text in wholes if text.startswith("0") and len(text) > 1]
+    return Field(
+        place,
+        part,
+        tuple((value - first) // step for value in values),
+        first,
+        step,
+        decimals,
+        min(padded, default=0),
+        signs,
+        2 if decimals else int(part is not None),
+    )
+
+
+def _sign(value: int) -> int:
+    return (value > 0) - (value < 0)
+
+
+def _is_signed(place: int, tokens: list[_Token]) -> bool:
+    """Whether what stands before the numbers is a sign, and no separator or end of a word.
+
+    A sign differs between files, or stands behind something else than a letter or number.
+    """
+    seen = {token.sign.lower() for token in tokens}
+    if len(seen) > 1:
+        return True
+    before = tokens[0].before
+    at_start = place == 0 and not before
+    return not seen & {"p", "m", "n"} and (at_start or not (before or "a")[-1].isalnum())

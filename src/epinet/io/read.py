@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from epinet.errors import InputError
 from epinet.io import array, eslf, hci, hci_hdf5, lftoolbox, lytro_raw, numbered, rows_cols
-from epinet.io.images import image_files
+from epinet.io.images import IMAGE_SUFFIXES, image_files
 from epinet.io.layout import Layout
+from epinet.io.names import is_shown
 from epinet.lightfield import LightField
 from epinet.raw import DEFAULT_VIEWS, decode
+from epinet.raw.family import calibration_by_name
 
 _MODULES = (hci, rows_cols, numbered, eslf, hci_hdf5, lftoolbox, array, lytro_raw)
 
 LAYOUTS: dict[str, Layout] = {module.LAYOUT.name: module.LAYOUT for module in _MODULES}
 """Every layout by name, in the order in which they are tried."""
 
+_ARCHIVES = frozenset({".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar"})
 SMALLEST_VIEW_PX = 23
 """The network's receptive field: no estimate can be made from less."""
 
@@ -59,6 +63,8 @@ def _read(path: Path, choose: Callable[[], Layout]) -> LightField:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     try:
+        if path.is_dir():
+            _check_names(path)
         chosen = choose()
         if chosen.is_folder != path.is_dir():
             due, found = ("folder", "file") if chosen.is_folder else ("file", "folder")
@@ -100,16 +106,38 @@ def _recognised(path: Path) -> Layout:
 def _found(path: Path) -> str:
     """What is there, in words, for a path that no layout recognises."""
     if path.is_file():
-        return f"a {path.suffix or 'nameless'} file holds no light field"
-    entries = [entry for entry in path.iterdir() if not entry.name.startswith(".")]
+        if calibration := calibration_by_name(path):
+            return calibration
+        kind = f"a {path.suffix or 'nameless'} file holds no light field"
+        archive = path.suffix.lower() in _ARCHIVES
+        return f"{kind}; unpack the archive and give the folder" if archive else kind
+    entries = [entry for entry in path.iterdir() if is_shown(entry)]
     if not entries:
         return "the folder is empty"
     images, folders = image_files(path), [entry for entry in entries if entry.is_dir()]
-    counts = f"{len(images)} images, {len(folders)} folders"
-    others = f"{len(entries) - len(images) - len(folders)} other files"
-    example = f", such as {images[0].name}" if images else ""
-    hint = "; the views may lie in one of the folders" if folders and not images else ""
-    return f"not recognised: {counts} and {others}{example}{hint}"
+    files = [entry for entry in entries if entry not in images and entry not in folders]
+    counts = f"{len(images)} images, {len(folders)} folders and {len(files)} other files"
+    if images:
+        counts += f", such as {images[0].name}"
+    elif folders:
+        counts += "; the views may lie in one of the folders"
+    endings = Counter(file.suffix.lower() for file in files if file.suffix)
+    if not images and endings:
+        ending, count = endings.most_common(1)[0]
+        read = ", ".join(sorted(IMAGE_SUFFIXES))
+        counts += f"; {count} of them end in {ending}, images that are read end in {read}"
+    return f"not recognised: {counts}"
+
+
+def _check_names(path: Path) -> None:
+    """Refuse what a packer for Windows and an unpacker that takes its names literally have left."""
+    backslashed = sorted(file.name for file in path.iterdir() if "\\" in file.name)
+    if backslashed:
+        raise InputError(
+            f"{path}: {len(backslashed)} names hold a backslash, such as {backslashed[0]}: folders "
+            "of an archive packed by Windows that were not made; unpack it again with `unzip`, "
+            "which makes them, or rename the files"
+        )
 
 
 def _check(lf: LightField, path: Path) -> None:

@@ -1,8 +1,9 @@
 """Layout `rows_cols`: a folder of views with row and column in their names.
 
-Such as `2067_01_09.png`, `view_3_4.png`, `Cam_r03_c05.png` or the Stanford gantry's
-`out_00_16_-776.88_1010.5_.png`: counted from 0 or 1, padded or not, the row first. Among the whole
-numbers of the names, row and column are the two that fill a rectangle best.
+Such as `2067_01_09.png`, `view_3_4.png`, `Cam_r03_c05.png`, `view_+1_-2.png`, `vm1_hp2.png`,
+`cam.3.4.png` or the Stanford gantry's `out_00_16_-776.88_1010.5_.png`: from any first number, every
+one or every k-th, signed or not, padded or not, the row first. Among the numbers of the names, row
+and column are the two that fill a rectangle best.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from itertools import combinations
 from pathlib import Path
 
 from epinet.errors import InputError
-from epinet.io.folder import Position, read_grid, write_views
+from epinet.io.folder import Position, one_kind, read_grid, write_views
 from epinet.io.images import image_files
 from epinet.io.layout import Layout
-from epinet.io.names import alike, integer_fields, one_kind, renumbered
+from epinet.io.names import Field, alike, fields, renamed
 from epinet.lightfield import LightField
 
 
@@ -23,38 +24,38 @@ from epinet.lightfield import LightField
 class _Reading:
     """One way to find row and column in the names."""
 
-    fields: tuple[int, int]
-    """Which numbers of a name are row and column."""
-    positions: list[Position]
-    """As written in the names, in the order of the files."""
+    row: Field
+    col: Field
 
     @property
-    def first(self) -> Position:
-        return min(row for row, _ in self.positions), min(col for _, col in self.positions)
+    def positions(self) -> list[Position]:
+        """In the order of the files."""
+        return list(zip(self.row.indices, self.col.indices, strict=True))
 
     @property
     def grid(self) -> tuple[int, int]:
         """(rows, columns) that the positions span."""
-        first_row, first_col = self.first
-        last_row = max(row for row, _ in self.positions)
-        last_col = max(col for _, col in self.positions)
-        return last_row - first_row + 1, last_col - first_col + 1
+        return self.row.count, self.col.count
 
     @property
     def filled(self) -> float:
         """Share of the grid that is there."""
-        rows, cols = self.grid
-        return len(self.positions) / (rows * cols)
+        return len(self.row.indices) / (self.row.count * self.col.count)
 
     @property
     def plausible(self) -> bool:
         """Each position once, and more of them than a line or a diagonal has."""
-        count = len(self.positions)
-        return (
-            len(set(self.positions)) == count
-            and min(self.grid) >= 3
-            and count >= 2 * max(self.grid)
-        )
+        count = len(self.row.indices)
+        if len(set(self.positions)) < count:
+            return False
+        if min(self.grid) == 2:
+            return self.filled == 1
+        return min(self.grid) >= 3 and count >= 2 * max(self.grid)
+
+    @property
+    def rank(self) -> tuple[float, int]:
+        """The lowest is the best: the fullest, and of these the one with the plainest numbers."""
+        return -self.filled, max(self.row.by_dots, self.col.by_dots)
 
 
 def recognises(folder: Path) -> bool:
@@ -67,27 +68,21 @@ def read(folder: Path) -> LightField:
 
     Raises:
         InputError: names without row and column or with several readings, a grid that is not
-            square, and what `read_grid` refuses.
+            square, and what `one_kind` and `read_grid` refuse.
     """
     files, ignored = one_kind(image_files(folder))
     reading = _best_reading(folder, files)
     rows, cols = reading.grid
-    first_row, first_col = reading.first
     if rows != cols:
         raise InputError(
-            f"{folder}: the names span {rows} rows ({first_row} to {first_row + rows - 1}) and "
-            f"{cols} columns ({first_col} to {first_col + cols - 1}); the grid must be square"
+            f"{folder}: the names span {rows} rows ({_span(reading.row)}) and {cols} columns "
+            f"({_span(reading.col)}); the grid must be square"
         )
-    by_position = {
-        (row - first_row, col - first_col): file
-        for (row, col), file in zip(reading.positions, files, strict=True)
-    }
 
     def name(row: int, col: int) -> str:
-        row_field, col_field = reading.fields
-        return renumbered(files[0], {row_field: row + first_row, col_field: col + first_col})
+        return renamed(files[0], files, {reading.row: row, reading.col: col})
 
-    return read_grid(by_position, rows, name, folder, ignored)
+    return read_grid(dict(zip(reading.positions, files, strict=True)), rows, name, folder, ignored)
 
 
 def write(folder: Path, lf: LightField) -> None:
@@ -96,14 +91,15 @@ def write(folder: Path, lf: LightField) -> None:
 
 
 def _readings(files: list[Path]) -> list[_Reading]:
-    """The plausible ones, the fullest first."""
-    fields = integer_fields(files)
-    readings = [
-        _Reading((i, j), list(zip(fields[i], fields[j], strict=True)))
-        for i, j in combinations(fields, 2)
-    ]
-    plausible = [reading for reading in readings if reading.plausible]
-    return sorted(plausible, key=lambda reading: reading.filled, reverse=True)
+    """The plausible ones, the best first."""
+    readings = [_Reading(row, col) for row, col in combinations(fields(files), 2)]
+    plausible = [r for r in readings if r.plausible and not _overlap(r.row, r.col)]
+    return sorted(plausible, key=lambda reading: reading.rank)
+
+
+def _overlap(one: Field, other: Field) -> bool:
+    """Whether a number and a part of it are taken for two."""
+    return one.place == other.place and None in (one.part, other.part)
 
 
 def _best_reading(folder: Path, files: list[Path]) -> _Reading:
@@ -111,15 +107,23 @@ def _best_reading(folder: Path, files: list[Path]) -> _Reading:
     remedy = "name the views view_<row>_<column>.png"
     if not readings:
         raise InputError(f"{folder}: no two numbers in the images' names span a grid; {remedy}")
-    best = readings[0]
-    rivals = [reading for reading in readings if reading.filled == best.filled]
+    rivals = [reading for reading in readings if reading.rank == readings[0].rank]
     if len(rivals) > 1:
-        choices = " or ".join(f"{r.fields[0] + 1} and {r.fields[1] + 1}" for r in rivals)
+        choices = " or ".join(f"{_ordinal(r.row)} and {_ordinal(r.col)}" for r in rivals)
         raise InputError(
             f"{folder}: in names like {files[0].name} row and column may be the numbers "
             f"{choices}; {remedy}"
         )
-    return best
+    return readings[0]
+
+
+def _ordinal(field: Field) -> str:
+    """Which number of a name, counted from 1."""
+    return f"{field.place + 1}" + ("" if field.part is None else f".{field.part + 1}")
+
+
+def _span(field: Field) -> str:
+    return f"{field.text(0)} to {field.text(field.count - 1)}"
 
 
 LAYOUT = Layout(
