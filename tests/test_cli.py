@@ -348,7 +348,7 @@ def endless_memory(folder):
     return predicts(scene(folder), "--memory", "inf")
 
 
-@case(r"views at .row, column. \[\(0, 0\)\]", "missing or black")
+@case(r"views at .row, column. \[\(0, 0\)\]", "are black")
 def stack_that_lacks_a_view(folder):
     views = light_field().views.copy()
     views[0, 0] = 0

@@ -86,6 +86,11 @@ HOLED = np.where(np.arange(512) == 7, np.nan, ZEROS)
 FAULTS = {
     "missing map": ({"disp_maps/herbs.pfm": None}, "disp_maps/herbs.pfm: missing"),
     "missing run time": ({"runtimes/herbs.txt": None}, "runtimes/herbs.txt: missing"),
+    "backslashes": (
+        {"disp_maps/herbs.pfm": None, "disp_maps\\herbs.pfm": pfm(ZEROS)},
+        r"1 names hold a backslash, such as disp_maps\herbs.pfm",
+    ),
+    "hidden": ({"__MACOSX/disp_maps/._herbs.pfm": b"x"}, "1 hidden files of macOS"),
     "extra file": ({"disp_maps/notes.txt": b"x"}, "notes.txt: does not belong"),
     "wrong case": ({"disp_maps/Herbs.pfm": b"x"}, "Herbs.pfm: does not belong"),
     "not a PFM": ({"disp_maps/dots.pfm": b"P6"}, "dots.pfm: not a PFM"),

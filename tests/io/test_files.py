@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -73,9 +74,20 @@ def test_types_of_views(tmp_path: Path, name: str) -> None:
     np.testing.assert_array_equal(
         read_light_field(path).views, (unit * 65535).astype(np.uint16)[..., :3]
     )
-    for bad in (unit * 2, unit - 1, unit * np.nan):
+    hole = unit.copy()
+    hole[1, 2, 3, 4, 1] = np.nan
+    for bad, says in (
+        (unit * 255, "if white is 255, views / 255 is right"),
+        (unit * 1023, "views / 1023"),
+        (unit * 65535, "views / 65535"),
+        (unit * 1e9, "bring them to that range"),
+        (unit * 2 - 1, r"-1..1, (views + 1) / 2 is right"),
+        (unit - 2, "bring them to that range"),
+        (hole, "1 values of the float views are not finite"),
+        (np.full_like(unit, np.inf), "not finite"),
+    ):
         store(path, bad)
-        assert "0..1" in problem(path)
+        assert says in problem(path)
     for dtype in ("int16", "int64"):
         store(path, np.ones((3, 3, 24, 30), dtype))
         assert "expected uint8, uint16" in problem(path)
@@ -155,6 +167,37 @@ def test_the_images_decide_the_order_of_columns(tmp_path: Path, reversed_in_file
     assert lf.order == (False, False, False)  # every reading finds out anew, and nobody asked
 
 
+@pytest.mark.parametrize("name", ["a.h5", "a.npy", "a.mat"])
+def test_axes_in_another_order_are_named(tmp_path: Path, make: MakeLightField, name: str) -> None:
+    path, views = tmp_path / name, make(5).views
+    gray = views[..., 0]
+    stack = views.reshape(25, 24, 30, 3)
+    for array, says in (
+        (views.T, "reversed order, (channels, width, height, columns, rows)"),
+        (gray.T, "pixels first; transpose(2, 3, 0, 1), or (3, 2, 1, 0) if all are reversed"),
+        (views.transpose(2, 3, 0, 1, 4), "pixels first; transpose(2, 3, 0, 1, 4)"),
+        (gray.transpose(2, 3, 0, 1), "pixels first"),
+        (stack, "a stack of 25 colour views on one axis; reshape to (5, 5, ...)"),
+        (stack[:24], "a stack of 24 colour views on one axis; a square grid has"),
+    ):
+        store(path, np.ascontiguousarray(array))
+        assert says in problem(path)
+    for array in (gray, views):
+        store(path, array)
+        assert read_light_field(path).grid == (5, 5)
+
+
+@pytest.mark.parametrize("name", ["a.h5", "v73.mat", "v5.mat"])
+def test_a_struct_says_what_lies_in_it(tmp_path: Path, make: MakeLightField, name: str) -> None:
+    if name == "v5.mat":
+        scipy.io.savemat(tmp_path / name, {"LF": {"data": make(5).views, "rate": 1}})
+        assert "LF is a struct array" in problem(tmp_path / name)
+        return
+    with h5py.File(tmp_path / name, "w") as file:
+        file["LF/data"] = make(5).views
+    assert "a struct of MATLAB's, of data (5, 5, 24, 30, 3)" in problem(tmp_path / name)
+
+
 def test_depth_without_attributes_is_left_out(tmp_path: Path, make: MakeLightField) -> None:
     with h5py.File(tmp_path / "scene.h5", "w") as file:
         file["LF"] = make().views
@@ -183,6 +226,14 @@ def test_an_npz_needs_one_array_of_views(tmp_path: Path) -> None:
     assert "a (3, 3, 24, 30), b (3, 3, 24, 30)" in problem(tmp_path / "a.npz")
     np.savez(tmp_path / "a.npz", views=views, b=views, truth=np.zeros((24, 31)))
     assert "31x24 px" in problem(tmp_path / "a.npz")
+
+
+def test_what_macos_adds_to_an_archive_is_passed_over(tmp_path: Path, make: MakeLightField) -> None:
+    np.savez(tmp_path / "a.npz", anything=make(3).views)
+    with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
+        archive.writestr("__MACOSX/._anything.npy", b"\0\5\x16\7 of macOS")
+        archive.writestr("notes.txt", b"by hand")
+    np.testing.assert_array_equal(read_light_field(tmp_path / "a.npz").views, make(3).views)
 
 
 def test_pickled_objects_are_refused(tmp_path: Path) -> None:

@@ -84,19 +84,47 @@ def check_submission(path: Path) -> None:
             raise InputError(
                 f"{path}: {len(archive.infolist())} entries; a submission has {len(_WANTED)}"
             )
-        entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-        problems += _wrong_names([entry.filename for entry in entries], path)
+        kept = [entry for entry in archive.infolist() if not _of_macos(entry.filename)]
+        entries = [entry for entry in kept if not entry.is_dir()]
+        problems += _packed_wrong([entry.filename for entry in archive.infolist()], path)
+        problems += _wrong_names([_slashed(entry.filename) for entry in entries], path)
         problems += [
             f"{path}: {entry.filename}: a folder that does not belong in a submission"
-            for entry in archive.infolist()
+            for entry in kept
             if entry.is_dir() and entry.filename.rstrip("/") not in _FOLDERS
         ]
         for entry in entries:
-            meant = _meant(entry.filename)
+            meant = _meant(_slashed(entry.filename))
             if meant:
                 with problems.gather():
                     _check_entry(archive, entry, meant, f"{path}: {entry.filename}")
     problems.raise_any()
+
+
+def _slashed(name: str) -> str:
+    """A name as meant where the archive was packed with backslashes."""
+    return name.replace("\\", "/")
+
+
+def _of_macos(name: str) -> bool:
+    path = PurePosixPath(_slashed(name))
+    return "__MACOSX" in path.parts or path.name == ".DS_Store" or path.name.startswith("._")
+
+
+def _packed_wrong(names: Sequence[str], path: Path) -> list[str]:
+    """What a packer did to all names, in a line each."""
+    problems = []
+    if backslashed := [name for name in names if "\\" in name]:
+        problems.append(
+            f"{path}: {len(backslashed)} names hold a backslash, such as {backslashed[0]}; pack it "
+            "with slashes: `epinet submit` does, and `python -m zipfile -c`"
+        )
+    if hidden := [name for name in names if _of_macos(name)]:
+        problems.append(
+            f"{path}: {len(hidden)} hidden files of macOS, such as {hidden[0]}; leave them out: "
+            "`zip -r -X` with `-x '.*' -x '__MACOSX/*'` does"
+        )
+    return problems
 
 
 def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:

@@ -6,7 +6,9 @@ or 5 axes), with an optional (H, W) `truth`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from math import isqrt
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,10 @@ from epinet.reading import open_regular
 
 _SUFFIXES = (".npy", ".npz")
 _NAMES = ("views", "truth")
+_EXPECTED = (
+    "expected (rows, columns, height, width) or (rows, columns, height, width, channels) with 1, 3 "
+    "or 4 channels"
+)
 
 
 def recognises(path: Path) -> bool:
@@ -64,18 +70,18 @@ def light_field_of(array: NDArray[Any], path: Path) -> LightField:
     Raises:
         InputError: another shape, type or range.
     """
+    if array.dtype.names or array.dtype.kind in "OSUV":
+        raise InputError(f"{path}: views are {_kind_of(array)}; expected one array of numbers")
+    if order := wrong_axes(array.shape):
+        raise InputError(f"{path}: views of shape {array.shape}: {order}")
     if array.ndim == 4:
         array = array[..., None]
     if array.ndim != 5 or array.shape[4] not in (1, 3, 4) or array.size == 0:
-        raise InputError(
-            f"{path}: views of shape {array.shape}; expected (rows, columns, height, width) or "
-            "(rows, columns, height, width, channels) with 1, 3 or 4 channels"
-        )
+        raise InputError(f"{path}: views of shape {array.shape}; {_EXPECTED}")
     if array.shape[4] == 4:
         array = array[..., :3]
     if array.dtype.kind == "f" and array.dtype.itemsize in (4, 8):
-        if not (np.isfinite(array).all() and array.min() >= 0 and array.max() <= 1):
-            raise InputError(f"{path}: float views must be finite and lie in 0..1; divide them")
+        check_range(array, path)
         dtype = np.dtype(np.float32)
     elif array.dtype.kind == "u" and array.dtype.itemsize in (1, 2):
         dtype = array.dtype.newbyteorder("=")
@@ -85,6 +91,64 @@ def light_field_of(array: NDArray[Any], path: Path) -> LightField:
         )
     views = np.ascontiguousarray(array, dtype=dtype)
     return LightField(views, present_views(views))
+
+
+def wrong_axes(shape: tuple[int, ...]) -> str | None:
+    """What order the axes of views seem to have, and how to put them right; None if as expected.
+
+    Views are larger than grids: so two equal sides that are smaller than two others are the grid's.
+    """
+    gray, colour = len(shape) == 4, len(shape) == 5
+    if not (gray or colour) or 0 in shape:
+        return None
+    if colour and shape[0] in (1, 3, 4) and shape[4] == shape[3] < min(shape[1:3]):
+        return (
+            "the axes are in reversed order, (channels, width, height, columns, rows), as MATLAB's "
+            f"h5write and Julia leave them; transpose(4, 3, 2, 1, 0) makes {_EXPECTED[9:]}"
+        )
+    if gray and shape[3] in (3, 4) and shape[0] > shape[3] and min(shape[1:3]) > shape[3]:
+        side = isqrt(shape[0])
+        square = side**2 == shape[0]
+        into = f"reshape to ({side}, {side}, ...)" if square else "a square grid has 9, 25, 49 ..."
+        return f"a stack of {shape[0]} colour views on one axis; {into}: {_EXPECTED}"
+    views, pixels = shape[2:4], shape[:2]
+    if views[0] == views[1] < min(pixels):
+        order = "(2, 3, 0, 1, 4)" if colour else "(2, 3, 0, 1)"
+        return (
+            f"the axes seem to be in the order (height, width, rows, columns), pixels first; "
+            f"transpose{order}, or (3, 2, 1, 0) if all are reversed, makes {_EXPECTED[9:]}"
+        )
+    return None
+
+
+def check_range(views: NDArray[Any], where: object) -> None:
+    """Refuse float views that no camera gives.
+
+    Raises:
+        InputError: values that are not finite, or beyond 0..1, and what makes them fit.
+    """
+    low, high = float(views.min()), float(views.max())
+    if not (math.isfinite(low) and math.isfinite(high)):
+        count = views.size - int(np.isfinite(views).sum())
+        raise InputError(
+            f"{where}: {count} values of the float views are not finite (NaN or infinite); fill "
+            "them, or leave out the views"
+        )
+    if low >= 0 and high <= 1:
+        return
+    remedy = "bring them to that range, black at 0 and white at 1"
+    if -1 <= low < 0 and high <= 1:
+        remedy = "if they are in -1..1, (views + 1) / 2 is right"
+    elif low >= 0:
+        white = next((w for w in (255, 1023, 4095, 65535) if high <= w), None)
+        remedy = f"if white is {white}, views / {white} is right" if white else remedy
+    raise InputError(f"{where}: float views must lie in 0..1, these in {low:g}..{high:g}; {remedy}")
+
+
+def _kind_of(array: NDArray[Any]) -> str:
+    if array.dtype.names:
+        return f"a struct of {', '.join(array.dtype.names)}"
+    return {"O": "objects", "S": "text", "U": "text"}.get(array.dtype.kind, "no numbers")
 
 
 def present_views(views: NDArray[Any]) -> NDArray[np.bool_]:

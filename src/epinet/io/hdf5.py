@@ -70,7 +70,15 @@ def array_of(group: Any, name: str, path: Path) -> NDArray[Any]:
         held = [str(key) for _, key in zip(range(_NAMED + 1), group, strict=False)]
         raise InputError(f"{path}: no dataset {name}; it holds {listed(held, _NAMED) or 'nothing'}")
     if not isinstance(found, h5py.Dataset):
-        raise InputError(f"{path}: {name} is a group, not a dataset of numbers")
+        inside = [
+            f"{key} {getattr(found.get(key), 'shape', '')}".rstrip()
+            for _, key in zip(range(_NAMED), found, strict=False)
+            if isinstance(found.get(key, getlink=True), h5py.HardLink)
+        ]
+        raise InputError(
+            f"{path}: {name} is a group, such as a struct of MATLAB's, of "
+            f"{listed(inside) or 'nothing'}; store the array itself as {name}"
+        )
     if found.external or found.is_virtual:
         raise InputError(
             f"{path}: {name} keeps its values in other files, which are not followed; store them "

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from epinet.documents import short
 from epinet.errors import InputError
+from epinet.io.names import is_shown
 from epinet.reading import check_decoded, open_regular
 
 _MOST_ARRAYS = 1000
@@ -48,7 +49,8 @@ def read_npz(path: Path, wanted: Callable[[str, int], bool]) -> dict[str, NDArra
     found: dict[str, NDArray[Any]] = {}
     needed = 0
     with open_regular(path) as file, zipfile.ZipFile(file) as archive:
-        entries = [e for e in archive.infolist() if e.filename.endswith(".npy")]
+        files = [e for e in archive.infolist() if is_shown(Path(e.filename))]
+        entries = [e for e in files if e.filename.endswith(".npy")]
         if len(entries) > _MOST_ARRAYS:
             raise InputError(f"{path}: {len(entries)} arrays; at most {_MOST_ARRAYS} are read")
         for entry in entries:

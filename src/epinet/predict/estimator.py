@@ -22,6 +22,9 @@ from epinet.inspect.disparity_range import LONGER_SIDE_PX, DisparityRange, range
 from epinet.inspect.gains import estimate_gains, even
 from epinet.inspect.sweep import star_of_stacks
 from epinet.inspect.vignetting import black_corners
+from epinet.io import LAYOUTS
+from epinet.io.array import check_range
+from epinet.io.problems import Problems
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import (
     CALIBRATION,
@@ -237,7 +240,10 @@ class Estimator:
         range_px: tuple[float, float] | None,
     ) -> None:
         name = lf.source or "light field"
-        problems = []
+        problems = Problems()
+        if lf.views.dtype == np.float32:
+            with problems.gather():
+                check_range(lf.views, name)
         if scale < 1 or step < 1:
             problems.append(f"scale and step must be at least 1, not {scale} and {step}")
         elif min(lf.size) // scale < 1:
@@ -274,9 +280,11 @@ class Estimator:
             gone = [p for p in star_positions(views) if not used.present[p]]
             if not gone:
                 return weights, used
+            in_folder = lf.source is None or LAYOUTS[lf.layout].is_folder
+            why = "missing" if in_folder else "black, 0 throughout, as if nothing was captured"
             problems = [
                 f"{lf.source or 'light field'}: the views at (row, column) {gone} of the central "
-                f"{views}x{views} are missing or black; the network needs them all"
+                f"{views}x{views} are {why}; the network needs them all"
             ]
         raise InputError(problems)
 
