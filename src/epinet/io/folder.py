@@ -73,7 +73,7 @@ def check_rest(views: list[Path], rest: list[Path]) -> None:
     rest = [file for file in rest if image_size(file) == size]
     if len(rest) <= few:
         return
-    patterns = []
+    patterns: list[str] = []
     left = rest
     while left and len(patterns) < _MOST_PATTERNS:
         group, left = alike(left)

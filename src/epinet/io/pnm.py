@@ -61,7 +61,7 @@ def decode_pnm(path: Path, data: bytes) -> NDArray[Any]:
         raise InputError(f"{path}: samples up to {samples.max()}, its header says {largest}")
     white = 65535 if wide else 255
     if largest != white:
-        samples = (samples.astype(np.uint32) * white + largest // 2) // largest
+        samples = (samples.astype(np.int64) * white + largest // 2) // largest
     pixels = samples.astype(np.uint16 if wide else np.uint8)
     return pixels.reshape(height, width, channels)
 
