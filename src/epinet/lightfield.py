@@ -106,6 +106,15 @@ class LightField:
         row, col = row0 + self.grid_step * row, col0 + self.grid_step * col
         return f"row {row}, column {col} (counted from 0)"
 
+    @property
+    def absence(self) -> str:
+        """What is the matter with views that are not `present`, in words.
+
+        A folder lacks their files; an array always has room for them, and holds zeros there.
+        """
+        in_folder = self.source is None or self.source.is_dir()
+        return "missing" if in_folder else "black, 0 throughout, as where nothing was captured"
+
     def rgb(self, row: int, col: int) -> NDArray[np.float32]:
         """One view as (H, W, 3) in 0..1."""
         view = self.unit(row, col)

@@ -12,6 +12,7 @@ import pytest
 import scipy.io
 
 from epinet.errors import InputError
+from epinet.inspect.order import check_order
 from epinet.io import read_light_field, write_light_field
 from epinet.io.images import write_png
 from epinet.io.lftoolbox import write_v73
@@ -241,3 +242,11 @@ def test_pickled_objects_are_refused(tmp_path: Path) -> None:
     problem(tmp_path / "a.npy")
     (tmp_path / "a.npy").write_bytes(b"something else")
     assert "not a numpy file" in problem(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.h5"])
+def test_views_that_are_black_are_not_called_missing(tmp_path: Path, name: str) -> None:
+    store(tmp_path / name, np.zeros((3, 3, 24, 30, 3), np.uint8))
+    lf = read_light_field(tmp_path / name)
+    with pytest.raises(InputError, match="around the centre are black, 0 throughout"):
+        check_order(lf)

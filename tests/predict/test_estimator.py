@@ -227,3 +227,14 @@ def test_nothing_is_known_in_corners_that_are_black_in_every_view(estimator, sce
     assert (result.confidence[~shut] > 0).mean() > 0.9
     assert any("black in every view" in note for note in result.lightfield.notes)
     assert not any("black" in note for note in estimator.predict(scene).lightfield.notes)
+
+
+@pytest.mark.parametrize(
+    ("value", "says"), [(np.nan, "not finite"), (200.0, "if white is 255"), (-0.5, "-1..1")]
+)
+def test_float_views_that_no_camera_gives_are_refused(estimator, scene, value, says):
+    """Rather than made into a map that is not finite."""
+    views = scene.views.copy()
+    views[2, 2, 5, 5] = value
+    with pytest.raises(InputError, match=says):
+        estimator.predict(LightField(views))

@@ -153,7 +153,8 @@ def load_star(lf: LightField, longer_side_px: int = LONGER_SIDE_PX) -> Star:
     grid, middle = lf.central(side), side // 2
     positions = [p for p in star_positions(side) if grid.present[p] and p != (middle, middle)]
     if not positions or not grid.present[middle, middle]:
-        raise InputError(f"{lf.source or 'light field'}: the centre view or the star is missing")
+        which = "the centre view is" if positions else "all views around the centre are"
+        raise InputError(f"{lf.source or 'light field'}: {which} {lf.absence}")
     scale = min(1.0, longer_side_px / max(lf.size))
     centre = working_image(grid.gray(middle, middle), scale)
     views = torch.stack([working_image(grid.gray(*p), scale) for p in positions])

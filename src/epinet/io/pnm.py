@@ -47,9 +47,9 @@ def decode_pnm(path: Path, data: bytes) -> NDArray[Any]:
         )
     body = data[header.end() :]
     is_text, wide = kind in (2, 3), largest > 255
-    check_decoded(path, count * (_TEXT_BYTES if is_text else _BYTES), "the image")
     if (len(body) + 1) // 2 < count if is_text else len(body) < count * (1 + wide):
         raise _cut_off(path, width, height)
+    check_decoded(path, count * (_TEXT_BYTES if is_text else _BYTES), "the image")
     if is_text:
         words = body.split(maxsplit=count)[:count]
         samples = np.array(words, dtype="S6").astype(np.int64)

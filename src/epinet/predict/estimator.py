@@ -22,7 +22,6 @@ from epinet.inspect.disparity_range import LONGER_SIDE_PX, DisparityRange, range
 from epinet.inspect.gains import estimate_gains, even
 from epinet.inspect.sweep import star_of_stacks
 from epinet.inspect.vignetting import black_corners
-from epinet.io import LAYOUTS
 from epinet.io.array import check_range
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
@@ -280,11 +279,9 @@ class Estimator:
             gone = [p for p in star_positions(views) if not used.present[p]]
             if not gone:
                 return weights, used
-            in_folder = lf.source is None or LAYOUTS[lf.layout].is_folder
-            why = "missing" if in_folder else "black, 0 throughout, as if nothing was captured"
             problems = [
                 f"{lf.source or 'light field'}: the views at (row, column) {gone} of the central "
-                f"{views}x{views} are {why}; the network needs them all"
+                f"{views}x{views} are {lf.absence}; the network needs them all"
             ]
         raise InputError(problems)
 
