@@ -135,8 +135,8 @@ def test_a_header_is_not_believed_beyond_the_file(tmp_path: Path) -> None:
 
 
 def compressed(path: Path) -> None:
-    """Views that are all 0, 6.75 MB, in little of a file."""
-    views = np.zeros((3, 3, 500, 500, 3), np.uint8)
+    """Views that are all 1, 6.75 MB, in little of a file."""
+    views = np.ones((3, 3, 500, 500, 3), np.uint8)
     if path.suffix == ".npz":
         np.savez_compressed(path, views=views)
     elif path.suffix == ".mat":
