@@ -19,7 +19,11 @@ def main() -> None:
     chosen = parser.parse_args()
     name, _, case = (chosen.only or "").partition(":")
     names = [name] if name else list(READERS)
-    cases = range(int(case), int(case) + 1) if case else range(chosen.first, chosen.first + chosen.cases)
+    cases = (
+        range(int(case), int(case) + 1)
+        if case
+        else range(chosen.first, chosen.first + chosen.cases)
+    )
     found = 0
     for reader in names:
         until = time.monotonic() + 60 * chosen.minutes / len(names)

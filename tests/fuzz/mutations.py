@@ -62,7 +62,16 @@ def _repeat(data: bytes, dice: random.Random) -> bytes:
 
 def _insert(data: bytes, dice: random.Random) -> bytes:
     at = _at(data, dice)
-    texts = (b"[" * 3000, b"{", b"\xff\xfe", b"\0" * 16, b"\n", b"%s%n", b"nan", bytes(dice.randbytes(8)))
+    texts = (
+        b"[" * 3000,
+        b"{",
+        b"\xff\xfe",
+        b"\0" * 16,
+        b"\n",
+        b"%s%n",
+        b"nan",
+        bytes(dice.randbytes(8)),
+    )
     return data[:at] + dice.choice(texts) + data[at:]
 
 
@@ -104,7 +113,9 @@ def _document(data: bytes, dice: random.Random) -> bytes:
     places: list[tuple[Any, Any]] = []
 
     def walk(item: Any) -> None:
-        for key in item if isinstance(item, dict) else range(len(item)) if isinstance(item, list) else ():
+        for key in (
+            item if isinstance(item, dict) else range(len(item)) if isinstance(item, list) else ()
+        ):
             places.append((item, key))
             walk(item[key])
 

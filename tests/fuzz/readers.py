@@ -6,17 +6,23 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 import torch
 from PIL import Image
-from plenoptic_forward import ILLUM, Optics, Scene, photograph, pack, white_image, write_capture, write_white
+from plenoptic_forward import (
+    ILLUM,
+    Optics,
+    pack,
+    white_image,
+    write_capture,
+    write_white,
+)
 
 from epinet.benchmark.maps import MapFile, find_maps, result_map
-from epinet.benchmark.submission import check_submission, write_submission
 from epinet.benchmark.scenes import BENCHMARK_SCENES
+from epinet.benchmark.submission import check_submission, write_submission
 from epinet.camera import Camera
 from epinet.io import read_light_field, write_light_field
 from epinet.io.camera_file import CameraFacts, read_camera, write_camera
@@ -130,7 +136,8 @@ def recipe(folder: Path) -> Path:
     path.write_text(
         "base: sweepnet\nsteps: 20\nlearning_rate: 1.0e-4\nscale_weights: [1, 0, 2]\n"
         "data: [{generator: hci, options: {surfaces: [3, 9], faults: {blur: 0.5}}}]\n"
-        "shape: {sweep_width: 8, half: {spread_px: 0.2, side: 3, apart_px: 2, dilations: [1], rounds: 1}}\n"
+        "shape: {sweep_width: 8, half: {spread_px: 0.2, side: 3, apart_px: 2, dilations: [1], "
+        "rounds: 1}}\n"
     )
     return path
 

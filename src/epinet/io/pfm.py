@@ -117,12 +117,16 @@ def _check_size(path: Path, beginning: bytes, size: int) -> None:
     magic, width, height, _ = header.groups()
     needed = 4 * _size(path, width) * _size(path, height) * (3 if magic == b"PF" else 1)
     if not needed < size <= needed + _LONGEST_HEADER:
-        raise _misfit(path, (_size(path, height), _size(path, width)), needed, size - header.end() - 1)
+        raise _misfit(
+            path, (_size(path, height), _size(path, width)), needed, size - header.end() - 1
+        )
 
 
 def _size(path: Path | str, text: bytes) -> int:
     if not re.fullmatch(rb"\d{1,18}", text) or int(text) == 0:
-        raise InputError(f"{path}: width and height must be positive whole numbers, not {text!r}")
+        raise InputError(
+            f"{path}: width and height must be positive whole numbers, not {text[:40]!r}"
+        )
     return int(text)
 
 
@@ -132,7 +136,9 @@ def _scale(path: Path | str, text: bytes) -> float:
     except ValueError:
         scale = math.nan
     if not math.isfinite(scale) or scale == 0:
-        raise InputError(f"{path}: the scale must be a finite number other than 0, not {text!r}")
+        raise InputError(
+            f"{path}: the scale must be a finite number other than 0, not {text[:40]!r}"
+        )
     return scale
 
 
@@ -148,9 +154,7 @@ def _data_start(path: Path | str, data: bytes, header_end: int, shape: tuple[int
     return start
 
 
-def _misfit(
-    path: Path | str, shape: tuple[int, ...], expected: int, found: int
-) -> InputError:
+def _misfit(path: Path | str, shape: tuple[int, ...], expected: int, found: int) -> InputError:
     return InputError(
         f"{path}: the header says {shape[1]}x{shape[0]} px, {expected} bytes of values, but "
         f"{max(0, found)} follow it; the file is incomplete or damaged"

@@ -131,7 +131,7 @@ class Epinet(nn.Module):
         torch.Size([1, 1, 42, 26])
     """
 
-    def __init__(self, config: EpinetConfig = EpinetConfig()) -> None:
+    def __init__(self, config: EpinetConfig = EpinetConfig()) -> None:  # noqa: B008 (frozen)
         super().__init__()
         self.config = config
         width = config.streams * config.stream_width

@@ -123,5 +123,7 @@ def _frame_beside(path: Path) -> Frame:
     document = parse_json(read_bytes(found, JSON_BYTES), str(found))
     private = path.with_name(path.stem + _PRIVATE_ENDING)
     if private.exists() and _first_frame(document.get("master", document)) is None:
-        return parse_frame(document, parse_json(read_bytes(private, JSON_BYTES), str(private)), str(path))
+        return parse_frame(
+            document, parse_json(read_bytes(private, JSON_BYTES), str(private)), str(path)
+        )
     return frame_of_document(document, str(path))

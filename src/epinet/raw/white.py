@@ -15,7 +15,6 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
 from numpy.typing import NDArray
-
 from pydantic import BaseModel
 
 from epinet import documents
