@@ -24,6 +24,7 @@ from tests.fuzz.mutations import mutated
 from tests.fuzz.readers import READERS
 
 SECONDS, BYTES = 10.0, 2 * 2**30
+SETUP_SECONDS, READY = 120.0, "ready"
 
 
 @dataclass(frozen=True)
@@ -47,20 +48,22 @@ def faults_of(reader: str, cases: range, until: float = float("inf")) -> Iterato
         child = context.Process(target=_work, args=(theirs, reader, left))
         child.start()
         theirs.close()
+        if not ours.poll(SETUP_SECONDS) or ours.recv() != READY:
+            child.kill()
+            raise RuntimeError(f"{reader}: no valid file within {SETUP_SECONDS:g} s")
         while left:
-            case, told = left.pop(0), None
+            case, told, ended = left.pop(0), None, False
             if ours.poll(SECONDS):
                 try:
                     told = ours.recv()
                 except EOFError:
                     child.join()
-                    told = f"the process ended ({child.exitcode})"
+                    told, ended = f"the process ended ({child.exitcode})", True
             else:
-                told = f"took more than {SECONDS:g} s"
-                child.kill()
+                told, ended = f"took more than {SECONDS:g} s", True
             if told:
                 yield Fault(reader, case, told)
-            if not child.is_alive() or time.monotonic() > until:
+            if ended or time.monotonic() > until:
                 break
         child.kill()
         child.join()
@@ -86,6 +89,7 @@ def _work(pipe: Connection, reader: str, cases: list[int]) -> None:
             READERS[reader].read(good)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + BYTES, used + BYTES))
+        pipe.send(READY)
         for case in cases:
             pipe.send(_outcome(reader, case_of(reader, case, place / "case", good)))
     finally:

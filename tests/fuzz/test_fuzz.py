@@ -25,12 +25,12 @@ def test_mutated_files_are_read_or_refused(reader: str) -> None:
     [
         (lambda path: {}["key"], "KeyError"),
         (lambda path: bytearray(4 * 2**30), "MemoryError"),
-        (lambda path: __import__("os").abort(), "the process ended"),
+        (lambda path: __import__("os")._exit(3), "the process ended"),
     ],
 )
 def test_the_harness_sees_faults(monkeypatch: pytest.MonkeyPatch, read: object, says: str) -> None:
     broken = Reader(READERS["log"].make, read)  # type: ignore[arg-type]
-    monkeypatch.setitem(READERS, "set", broken)
+    monkeypatch.setitem(READERS, "set", broken)  # one whose file is not read before it is mutated
     faults = list(faults_of("set", range(2)))
     assert [type(fault) for fault in faults] == [Fault, Fault]
     assert says in faults[0].what
