@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 
-.PHONY: setup demo test lint pathtraced clean
+.PHONY: setup demo test lint fuzz kill pathtraced clean
 
 setup: $(STAMP)
 
@@ -24,6 +24,13 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The long run of tests/fuzz, and kill -9 at random moments: docs/safety.md tells more.
+fuzz: setup
+	PYTHONPATH=.:tests/raw $(BIN)/python -m tests.fuzz $(FUZZ)
+
+kill: setup
+	$(BIN)/python -m tests.kill $(KILL)
 
 # The second validation set, path-traced from free models; hours on 2 cores, continues where it stopped.
 CACHE := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/epinet

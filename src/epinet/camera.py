@@ -82,9 +82,9 @@ class Camera:
             2300.0
         """
         parallax = self.disparity_from_infinity_px(disparity_px)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             depth = self.baseline_focal_mm_px / parallax
-        return np.where(parallax <= 0, np.inf, depth).astype(np.float32)
+            return np.where(parallax <= 0, np.inf, depth).astype(np.float32)
 
     def disparity_px(self, depth_mm: NDArray[Any]) -> NDArray[np.float32]:
         """Disparity of each depth, the inverse of `depth_mm`; takes inf."""

@@ -38,7 +38,7 @@ def check_regular(path: str | Path) -> os.stat_result:
         InputError: a FIFO, device or folder.
         OSError: there is nothing, or it may not be seen.
     """
-    found = os.stat(path)
+    found = Path(path).stat()
     _check_mode(path, found.st_mode)
     return found
 
@@ -51,7 +51,9 @@ def open_regular(path: str | Path) -> BinaryIO:
         OSError: it cannot be opened.
     """
     check_regular(path)  # to open a device can have effects
-    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    descriptor = os.open(
+        path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    )
     try:
         _check_mode(path, os.fstat(descriptor).st_mode)  # it may have been exchanged
         return os.fdopen(descriptor, "rb")
@@ -116,7 +118,7 @@ def stored_bytes(path: str | Path) -> int:
     Raises:
         OSError: the file cannot be seen.
     """
-    found = os.stat(path)
+    found = Path(path).stat()
     return min(found.st_size, _BLOCK_BYTES * getattr(found, "st_blocks", found.st_size))
 
 

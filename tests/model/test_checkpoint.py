@@ -57,6 +57,7 @@ def test_a_small_file_as_it_should_be_is_read(tmp_path):
         ({"config": '{"streams": 4, "views": 3, "more": 1}'}, "more"),
         ({"config": '{"merge_blocks": 1000000}'}, "merge_blocks"),
         ({"config": '{"views": 3, "stream_width": 2048}'}, "tensor .* its configuration has"),
+        ({"config": '{"views": 3, "stream_width": 2, "merge_blocks": 1}'}, "3 and 1 blocks"),
         ({"config": "[]"}, "configuration: .*dictionary"),
         ({"model": "sweepnet"}, "spacing_px|not known|configuration"),
         ({"model": "transformer"}, "model: .*'epinet' or 'sweepnet'"),

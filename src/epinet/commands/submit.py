@@ -47,8 +47,6 @@ def submit(
     assert method is not None and output is not None
     keep_freed_memory()
     with scratch_folder() as temporary:
-        maps = maps_to_submit(
-            method, data, temporary, output, device=device, progress=progress
-        )
+        maps = maps_to_submit(method, data, temporary, output, device=device, progress=progress)
         write_submission(output, maps)
     say(f"12 scenes -> {output}")

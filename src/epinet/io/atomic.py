@@ -168,7 +168,7 @@ def _place() -> str:
     for told in ("/proc/sys/kernel/random/boot_id", "/proc/self/ns/pid"):
         with suppress(OSError):
             link = Path(told)
-            parts.append(os.readlink(link) if link.is_symlink() else link.read_text())
+            parts.append(str(link.readlink()) if link.is_symlink() else link.read_text())
     return hashlib.sha256("|".join(parts).encode()).hexdigest()[:8]
 
 

@@ -30,7 +30,6 @@ from epinet.io.problems import parsing
 from epinet.reading import read_bytes
 
 
-
 def _not_tiny(length: float) -> float:
     if length < 1e-9:
         raise ValueError("Input should be at least 1e-9")

@@ -26,7 +26,9 @@ _USER_BLOCK_BYTES = 512
 _TEXT_BYTES = 116
 """Of the description that a .mat file begins with."""
 _V5_LIMIT_BYTES = 2**31 - 1
-_BYTES = {"double": 8, "single": 4} | {f"{sign}int{8 * n}": n for sign in ("u", "") for n in (1, 2, 4, 8)}
+_BYTES = {"double": 8, "single": 4} | {
+    f"{sign}int{8 * n}": n for sign in ("u", "") for n in (1, 2, 4, 8)
+}
 """Of a value, by Matlab's class."""
 
 
@@ -86,9 +88,7 @@ def _read_v5(path: Path) -> NDArray[Any]:
 
     variables = {name: (shape, kind) for name, shape, kind in whosmat(path)}
     if "LF" not in variables:
-        raise InputError(
-            f"{path}: no variable LF; it holds {listed(list(variables)) or 'nothing'}"
-        )
+        raise InputError(f"{path}: no variable LF; it holds {listed(list(variables)) or 'nothing'}")
     shape, kind = variables["LF"]
     if kind not in _BYTES:
         raise InputError(f"{path}: LF is a {kind} array of Matlab, not one of numbers")

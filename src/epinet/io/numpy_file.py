@@ -71,9 +71,11 @@ def read_npz(path: Path, wanted: Callable[[str, int], bool]) -> dict[str, NDArra
 
 def _header(file: IO[bytes], where: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     """Shape, whether the first axis is the fastest, and type."""
-    if npy.read_magic(file) != (1, 0):  # type: ignore[no-untyped-call]
-        raise InputError(f"{where}: an array of fields, not of numbers")  # later versions are theirs
-    shape, by_columns, dtype = npy.read_array_header_1_0(file)  # type: ignore[no-untyped-call]
+    if npy.read_magic(file) != (1, 0):
+        raise InputError(
+            f"{where}: an array of fields, not of numbers"
+        )  # later versions are theirs
+    shape, by_columns, dtype = npy.read_array_header_1_0(file)
     if min(shape, default=0) < 0 or math.prod(shape) >= 2**62:
         raise InputError(f"{where}: its header says {short(shape)}, which no array can have")
     return shape, by_columns, dtype
@@ -92,7 +94,7 @@ def _array(file: IO[bytes], size: int, path: Path, where: str) -> NDArray[Any]:
         )
     check_decoded(path, needed, "its array")
     values = np.empty(math.prod(shape), dtype)
-    buffer = memoryview(values).cast("B") if needed else memoryview(b"")
+    buffer = memoryview(values.data).cast("B") if needed else memoryview(b"")
     done = 0
     while done < needed:
         part = file.read(min(_CHUNK_BYTES, needed - done))

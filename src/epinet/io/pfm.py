@@ -123,7 +123,9 @@ def _check_size(path: Path, beginning: bytes, size: int) -> None:
 
 def _size(path: Path | str, text: bytes) -> int:
     if not re.fullmatch(rb"\d{1,18}", text) or int(text) == 0:
-        raise InputError(f"{path}: width and height must be positive whole numbers, not {text!r}")
+        raise InputError(
+            f"{path}: width and height must be positive whole numbers, not {text[:40]!r}"
+        )
     return int(text)
 
 
@@ -133,7 +135,9 @@ def _scale(path: Path | str, text: bytes) -> float:
     except ValueError:
         scale = math.nan
     if not math.isfinite(scale) or scale == 0:
-        raise InputError(f"{path}: the scale must be a finite number other than 0, not {text!r}")
+        raise InputError(
+            f"{path}: the scale must be a finite number other than 0, not {text[:40]!r}"
+        )
     return scale
 
 

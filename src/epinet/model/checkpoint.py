@@ -49,6 +49,9 @@ DEFAULT_MODEL = next(iter(MODELS))
 LARGEST_BYTES = 2**28
 """Of a weights file; the shipped ones have up to 10 MB."""
 
+EVENS_PX, STEEPEST = (1e-9, 1e9), 1e4
+"""Bounds of a calibration; fits to errors that tell nothing run away."""
+
 _Disparity = Annotated[float, Field(ge=-1e4, le=1e4)]
 
 
@@ -56,15 +59,15 @@ class _Header(BaseModel):
     """Metadata of the safetensors file, all of them texts."""
 
     format: Literal["epinet-1"]
-    model: Literal["epinet", "sweepnet"] = EPINET
+    model: Literal["epinet", "sweepnet"] = "epinet"
     config: str
     metadata: str
 
 
 class _Calibration(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid")
-    even_px: Annotated[float, Field(gt=1e-6, le=1e6)]
-    steepness: Annotated[float, Field(ge=1e-3, le=100)]
+    even_px: Annotated[float, Field(ge=EVENS_PX[0], le=EVENS_PX[1])]
+    steepness: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)]
 
 
 class _Data(BaseModel):

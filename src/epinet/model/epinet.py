@@ -47,6 +47,11 @@ class EpinetConfig:
             raise ValueError(f"streams must be one of {STREAM_COUNTS}, not {self.streams}")
         if self.views not in VIEW_COUNTS:
             raise ValueError(f"views must be one of {VIEW_COUNTS}, not {self.views}")
+        if self.stream_blocks + self.merge_blocks + 1 != MARGIN_PX:
+            raise ValueError(
+                f"{self.stream_blocks} and {self.merge_blocks} blocks see another number of pixels "
+                f"around than {MARGIN_PX}"
+            )
 
     @classmethod
     def of_equal_size(cls, streams: int, views: int = 9, width: int = 70) -> EpinetConfig:
@@ -126,7 +131,7 @@ class Epinet(nn.Module):
         torch.Size([1, 1, 42, 26])
     """
 
-    def __init__(self, config: EpinetConfig = EpinetConfig()) -> None:
+    def __init__(self, config: EpinetConfig = EpinetConfig()) -> None:  # noqa: B008 (frozen)
         super().__init__()
         self.config = config
         width = config.streams * config.stream_width

@@ -264,7 +264,7 @@ class SweepNet(nn.Module):
         torch.Size([1, 1, 64, 48])
     """
 
-    def __init__(self, config: SweepNetConfig = SweepNetConfig()) -> None:
+    def __init__(self, config: SweepNetConfig = SweepNetConfig()) -> None:  # noqa: B008 (frozen)
         super().__init__()
         self.config = config
         self.sweep = _Sweep(config.sweep_width)

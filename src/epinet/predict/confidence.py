@@ -29,6 +29,7 @@ from torch import Tensor
 
 from epinet.angular import star_positions
 from epinet.lightfield import LightField
+from epinet.model.checkpoint import EVENS_PX, STEEPEST
 from epinet.shifts import sampled
 from epinet.squares import box_mean
 
@@ -55,7 +56,10 @@ class Calibration:
 
     def confidence(self, expected_error_px: NDArray[np.float32]) -> NDArray[np.float32]:
         """Probability (...) in 0..1 of an error up to `WITHIN_PX`."""
-        odds = (expected_error_px / self.even_px) ** self.steepness
+        with np.errstate(
+            over="ignore", divide="ignore"
+        ):  # odds without bound are a confidence of 0
+            odds = (expected_error_px / self.even_px) ** self.steepness
         return (1 / (1 + odds)).astype(np.float32)
 
     @classmethod
@@ -78,7 +82,11 @@ class Calibration:
             return float(np.mean(np.logaddexp(0, odds) - bad * odds))
 
         shift, slope = minimize(unlikely, np.array([0.0, 1.0])).x
-        return cls(float(np.exp(middle - spread * shift / slope)), float(slope / spread))
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            fit = np.exp(middle - spread * shift / slope), slope / spread
+        bounds = (*EVENS_PX, -STEEPEST, STEEPEST)
+        even, steepness = np.nan_to_num(fit, nan=0.0).clip(bounds[::2], bounds[1::2])
+        return cls(float(even), float(steepness))
 
 
 @torch.inference_mode()

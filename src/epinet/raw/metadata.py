@@ -81,8 +81,9 @@ def parse_frame(metadata: Any, private: Any, where: str) -> Frame:
     model = reader.text("camera.model")
     if model not in EXPOSURE_OFFSETS:
         raise InputError(
-            f"{where}: camera model {short(model)} is not known; the raw files of the Lytro F01 and "
-            "the Lytro ILLUM can be read. Other cameras: convert with their own software to views"
+            f"{where}: camera model {short(model)} is not known; the raw files of the Lytro F01 "
+            "and the Lytro ILLUM can be read. Other cameras: convert with their own software to "
+            "views"
         )
     details = "image.rawDetails" if reader.has("image.rawDetails") else "image"
     matrix_key = "ccm" if reader.has("image.color.ccm") else "ccmRgbToSrgbArray"
