@@ -44,6 +44,11 @@ class StoredResult:
         return self.disparity.shape[0], self.disparity.shape[1]
 
     @property
+    def step(self) -> int:
+        """The disparity is per so many adjacent views."""
+        return self.run.settings.step
+
+    @property
     def camera_facts(self) -> CameraFacts:
         """What run.json says of the camera, which may be nothing.
 
