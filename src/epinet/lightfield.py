@@ -21,6 +21,11 @@ from epinet.errors import InputError
 
 LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 
+FAINT = 0.25
+"""Views whose samples reach less of white than this are brightened."""
+BRIGHT_PERCENTILE = 99.99
+"""Of the centre view's samples: the few above it may be sensor faults."""
+
 
 @dataclass(frozen=True)
 class LightField:
@@ -59,6 +64,8 @@ class LightField:
     """Taken by a camera, so that views may be out of place and exposed differently."""
     view_truths: Mapping[tuple[int, int], NDArray[np.float32]] = field(default_factory=dict)
     """(H, W) disparity of further views by (row, col), each in its own pixels."""
+    row_spacing: float = 1.0
+    """Distance of the rows in units of the columns', which is that of disparities."""
 
     def __post_init__(self) -> None:
         v = self.views
@@ -227,6 +234,27 @@ class LightField:
             self, views=views, present=present, notes=notes, order=order, view_truths={}
         )
         return replace(changed, truth=None, masks={}, objects=None) if moved else changed
+
+    def brightened(self) -> LightField:
+        """Views that reach little of white, such as 10-bit samples in 16 bits, made to reach it.
+
+        What measures them, and the networks, know how large noise is in a well exposed picture.
+        """
+        samples = self.views[self.centre]
+        reached = float(np.percentile(samples, BRIGHT_PERCENTILE)) if samples.size else 0.0
+        if not 0 < reached < FAINT * self._white:
+            return self
+        gain = self._white / reached
+        scaled = np.empty_like(self.views)
+        for place in np.ndindex(self.grid):
+            view = (self.views[place] * np.float64(gain)).clip(0, self._white)
+            scaled[place] = view if self.bits == 32 else np.round(view)
+        percent = f"{100 / gain:.1f}" if gain < 100 else f"{100 / gain:.2g}"
+        note = (
+            f"samples reach only {percent} % of white, as those of fewer bits do in a file of more "
+            f"or of a dark picture; taken {gain:.4g} times as bright"
+        )
+        return replace(self, views=scaled, notes=(*self.notes, note))
 
     def _grid_text(self) -> str:
         return f"{self.grid[0]}x{self.grid[1]}"

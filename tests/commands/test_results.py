@@ -4,7 +4,7 @@ import json
 import re
 import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -114,6 +114,35 @@ def test_calibrate_gives_the_camera_that_depth_and_mesh_take(run, stored, tmp_pa
     mesh = run("mesh", stored / "bare", "-o", tmp_path / "m.glb", "--camera", camera, "--fov", 40)
     assert mesh.status == 0, mesh.stderr
     assert f"camera: {camera}, options" in mesh.stdout
+
+
+def test_baselines_are_of_neighbouring_views_whatever_the_step(run, stored, tmp_path):
+    """A result of every second view has twice the disparity; files and options stay the same."""
+    views = read_light_field(stored / "views" / "metric")
+    camera = replace(CAMERA, baseline_mm=2 * CAMERA.baseline_mm)
+    near = camera.disparity_px(np.full((40, 48), NEAR_MM))
+    far = camera.disparity_px(np.full((40, 48), FAR_MM))
+    disparity = np.where(np.arange(48) < 24, near, far)
+    confidence = np.ones((40, 48), np.float32)
+    lf = replace(views, camera=camera)
+    Result(disparity, confidence, lf, settings={"step": 2}).save(tmp_path / "every_second")
+    (tmp_path / "camera.yaml").write_text("baseline_mm: 5\n")
+    points = ("--point", f"10,20,{NEAR_MM}", "--point", f"40,20,{FAR_MM}")
+    calibrated = tmp_path / "calibrated.yaml"
+    done = run("calibrate", tmp_path / "every_second", *points, "-o", calibrated)
+    assert done.status == 0, done.stderr
+    for given in (
+        (),
+        ("--camera", stored / "views" / "metric" / "parameters.cfg"),
+        ("--camera", tmp_path / "camera.yaml"),
+        ("--baseline-mm", 5),
+        ("--camera", calibrated),
+    ):
+        out = tmp_path / "depth.pfm"
+        done = run("depth", tmp_path / "every_second", "-o", out, *given)
+        assert done.status == 0, done.stderr
+        np.testing.assert_allclose(read_pfm(out)[:, [0, 47]], [[NEAR_MM, FAR_MM]] * 40, rtol=1e-3)
+    assert "step of 2 views" in done.stdout
 
 
 def test_a_shape_without_a_camera_says_what_it_assumes(run, stored, tmp_path):

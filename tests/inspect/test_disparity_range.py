@@ -57,9 +57,14 @@ def test_wide_baseline(render: Renderer) -> None:
 
 
 def test_end_of_the_search_is_reported(render: Renderer) -> None:
-    measured = estimate_range(render({31.9: None}, grid=3, size=(150, 150)))
+    """Where the views are too small to show more; larger ones are searched farther."""
+    measured = estimate_range(render({31.9: None}, grid=3, size=(96, 150)))
     assert measured is not None and measured.hits_limit
     assert "wider" in str(measured)
+    for disparity in (31.9, -40):
+        found = estimate_range(render({disparity: None}, grid=3, size=(200, 200)))
+        assert found is not None and not found.hits_limit
+        assert (found.min_px, found.max_px) == pytest.approx((disparity, disparity), abs=0.5)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

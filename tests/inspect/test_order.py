@@ -10,6 +10,7 @@ import pytest
 from epinet.errors import InputError
 from epinet.inspect import Arrangement, check_order
 from epinet.inspect.order import CLASSES
+from epinet.inspect.spacing import resized
 from epinet.lightfield import LightField
 
 Renderer = Callable[..., LightField]
@@ -82,6 +83,54 @@ def test_flat_gray_tells_nothing(noise: float, render: Renderer) -> None:
     assert check.is_consistent is None
     assert check.correction.flags == ()
     assert "too little" in check.verdict
+
+
+@pytest.mark.parametrize("grid", [9, 5])
+def test_no_flip_is_advised_for_a_serpentine_scan(grid: int, render: Renderer) -> None:
+    far, near = (-0.6, 0.9) if grid == 9 else (-1.5, 2.0)
+    layers = {far: None, 0.2: (0.25, 0.6, 0.17), near: (0.62, 0.4, 0.2)}
+    lf = render(layers, grid=grid, size=(80, 96), noise=0.005)
+    views = lf.views.copy()
+    views[1::2] = views[1::2, ::-1].copy()
+    for flip in (False, True):
+        check = check_order(LightField(views).reordered(flip_cols=flip))
+        assert not check.is_grid and check.is_consistent is False
+        assert "--flip" not in check.verdict and "serpentine" in check.verdict
+
+
+def test_a_straight_track_is_no_grid(render: Renderer) -> None:
+    lf = render({-1.5: None, 2.0: (0.5, 0.4, 0.22)}, grid=9, size=(80, 96))
+    track = lf.views[4].reshape(3, 3, *lf.views.shape[2:])
+    assert not check_order(LightField(track)).is_grid
+
+
+@pytest.mark.parametrize("spacing", [0.5, 0.8, 1.0, 1.25, 2.0])
+@pytest.mark.parametrize("shuffle", [Arrangement(), Arrangement(flip_rows=True)], ids=str)
+def test_the_spacing_of_rows_is_measured(
+    spacing: float, shuffle: Arrangement, render: Renderer
+) -> None:
+    """A picture as high as `spacing` asks, shrunk to the same height, moves so much less."""
+    height = round(96 / spacing)
+    layers = {-1.0: None, 1.5: (0.5, 0.4, 0.2)}
+    tall = render(layers, grid=5, size=(height, 112))
+    views = np.stack(
+        [[resized(view, (96, 112)) for view in row] for row in tall.views.astype(np.float32)]
+    )
+    check = check_order(in_wrong_order(LightField(views), shuffle))
+    assert check.spacing is not None and check.is_grid
+    assert check.spacing.factor == pytest.approx(spacing, abs=0.04)
+    assert check.spacing.is_square == (spacing == 1)
+    assert check.correction == shuffle
+
+
+def test_faint_samples_tell_the_same(scene: LightField) -> None:
+    """Such as 10 bits in a file of 16."""
+    faint = LightField(np.round(1023 * scene.views).astype(np.uint16))
+    shuffled = in_wrong_order(faint, Arrangement(transpose=True))
+    assert check_order(shuffled).flags == ("--transpose",)
+    note = faint.brightened().notes[-1]
+    assert "% of white" in note
+    assert scene.brightened() is scene
 
 
 def test_views_of_the_star_are_enough(scene: LightField) -> None:

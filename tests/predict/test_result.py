@@ -3,6 +3,7 @@
 import json
 import os
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,12 @@ from epinet.lightfield import LightField
 from epinet.predict.batch import (
     Options,
     Reading,
-    _read_with,
+    check_name,
     check_names,
     find_light_fields,
     predict_all,
 )
+from epinet.predict.ownership import files_of
 from epinet.predict.result import FILES
 
 
@@ -79,7 +81,7 @@ def test_only_a_result_is_replaced(estimator, lf, tmp_path):
     assert {p.name for p in tmp_path.iterdir()} == {"photos", "file", "twice", "run"}
 
 
-def batch(estimator, paths, out, ensemble=False, force=False, range_px=None):
+def batch(estimator, paths, out, ensemble=False, force=False, range_px=None, names=()):
     return list(
         predict_all(
             estimator,
@@ -87,6 +89,7 @@ def batch(estimator, paths, out, ensemble=False, force=False, range_px=None):
             out,
             reading=Reading(),
             options=Options(ensemble=ensemble, range_px=range_px),
+            names=names,
             force=force,
             progress=silent,
         )
@@ -153,13 +156,13 @@ def test_a_changed_input_is_predicted_again(estimator, lf, tmp_path):
 
 def test_what_a_raw_capture_is_read_with_counts_as_input(tmp_path):
     (tmp_path / "shot.raw").touch()
-    assert _read_with(tmp_path / "shot.raw") == [tmp_path / "shot.raw"]
+    assert files_of(tmp_path / "shot.raw") == [tmp_path / "shot.raw"]
     (tmp_path / "shot.json").touch()
     (tmp_path / "white").mkdir()
-    assert _read_with(tmp_path / "shot.raw") == [
+    assert files_of(tmp_path / "shot.raw") == [
         tmp_path / name for name in ("shot.raw", "shot.json", "white")
     ]
-    assert _read_with(tmp_path / "views.npz") == [tmp_path / "views.npz"]
+    assert files_of(tmp_path / "views.npz") == [tmp_path / "views.npz"]
 
 
 def test_results_are_never_written_over_the_input(estimator, lf, tmp_path):
@@ -174,6 +177,51 @@ def test_inputs_of_one_name_are_refused(lf, tmp_path):
         write_light_field(tmp_path / parent / "same", lf, "hci")
     with pytest.raises(InputError, match="another light field is also named same"):
         check_names([tmp_path / "x" / "same", tmp_path / "y" / "same"])
+
+
+def test_a_result_belongs_to_its_light_field(estimator, lf, tmp_path):
+    """Another one of the same name leaves it alone; the same one, moved, may replace it."""
+    other = replace(lf, views=255 - lf.views)
+    write_light_field(tmp_path / "x" / "same", lf, "hci")
+    write_light_field(tmp_path / "y" / "same", other, "hci")
+    out = tmp_path / "out"
+    batch(estimator, [tmp_path / "x" / "same"], out)
+    before = (out / "same" / "run.json").read_bytes()
+    (apart,) = batch(estimator, [tmp_path / "y" / "same"], out)
+    assert apart.folder == out / "y_same" and apart.run["input_sha256"]
+    assert batch(estimator, [tmp_path / "y" / "same"], out)[0].skipped
+    (refused,) = batch(estimator, [tmp_path / "y" / "same"], out, names=["same"])
+    assert str(tmp_path / "x" / "same") in refused.problems[0]
+    assert "--name" in refused.problems[0] and (out / "same" / "run.json").read_bytes() == before
+    (named,) = batch(estimator, [tmp_path / "y" / "same"], out, names=["another"])
+    assert named.folder == out / "another"
+    (tmp_path / "x").rename(tmp_path / "z")
+    (moved,) = batch(estimator, [tmp_path / "z" / "same"], out)
+    assert moved.folder == out / "same"
+    assert moved.run["input"] == str(tmp_path / "z" / "same")
+    (forced,) = batch(estimator, [tmp_path / "y" / "same"], out, force=True)
+    assert forced.folder == out / "same"
+
+
+@pytest.mark.parametrize("name", ["", "..", "a/b", "a\0b", "a\x1b[2J"])
+def test_a_name_that_is_none_of_a_folder_is_refused(name):
+    with pytest.raises(InputError, match="--name"):
+        check_name(name)
+
+
+def test_a_link_is_named_as_itself(estimator, lf, tmp_path):
+    """As in caches that keep content by its hash, and folders of links to scenes."""
+    write_light_field(tmp_path / "x.npz", lf, "array")
+    (tmp_path / "x.npz").rename(tmp_path / "5fe3a1c0ffee")
+    (tmp_path / "kitchen.npz").symlink_to("5fe3a1c0ffee")
+    for place in ("a", "b"):
+        write_light_field(tmp_path / "store" / place / "views", lf, "hci")
+        (tmp_path / f"scene_{place}").symlink_to(tmp_path / "store" / place / "views")
+    paths = [tmp_path / name for name in ("kitchen.npz", "scene_a", "scene_b")]
+    done = batch(estimator, paths, tmp_path / "out")
+    assert [outcome.name for outcome in done] == ["kitchen", "scene_a", "scene_b"]
+    assert [outcome.run["input"] for outcome in done] == [str(path) for path in paths]
+    assert all(outcome.skipped for outcome in batch(estimator, paths, tmp_path / "out"))
 
 
 def test_a_result_of_a_stated_range_is_done_for_that_range_alone(lf, tmp_path):

@@ -17,7 +17,7 @@ from epinet.documents import validated
 from epinet.errors import InputError
 from epinet.io.names import folder_name, is_shown
 from epinet.io.numpy_file import read_npy
-from epinet.io.pfm import read_scaled_pfm
+from epinet.io.pfm import read_pfm
 from epinet.io.problems import Problems, listed, parsing
 from epinet.predict.record import Timed, read_run
 from epinet.reading import read_bytes
@@ -55,7 +55,7 @@ class MapFile:
             InputError: it is in colour, of another size, or cannot be read.
         """
         is_pfm = self.path.suffix.lower() == ".pfm"
-        map_ = read_scaled_pfm(self.path) if is_pfm else _read_npy(self.path)
+        map_ = read_pfm(self.path) if is_pfm else _read_npy(self.path)
         check_map(map_, size, self.path)
         return map_
 

@@ -19,6 +19,7 @@ from epinet.benchmark.scenes import (
 from epinet.errors import InputError
 from epinet.io.atomic import check_writable
 from epinet.io.images import image_files, read_image
+from epinet.io.names import folder_name
 from epinet.io.problems import Problems
 from epinet.metrics.disparity import BORDER_PX
 from epinet.metrics.metric import Comparison, Metric, Resolution
@@ -189,6 +190,7 @@ def run_model(
             output,
             reading=Reading("hci"),
             options=Options(),
+            names=list(folders),
             progress=progress,
         )
     )
@@ -252,4 +254,4 @@ def _check_views(folder: Path, size: Size, what_has: str) -> None:
 
 
 def _name_of(what: str) -> str:
-    return Path(what).stem if what.endswith(WEIGHTS_SUFFIX) else Path(what).resolve().name
+    return Path(what).stem if what.endswith(WEIGHTS_SUFFIX) else folder_name(Path(what))

@@ -19,7 +19,7 @@ from epinet.io import hci
 from epinet.io.images import image_files, read_image, read_mask
 from epinet.io.names import folder_name, is_shown
 from epinet.io.parameters import Parameters, read_parameters
-from epinet.io.pfm import read_scaled_pfm
+from epinet.io.pfm import read_pfm
 from epinet.io.problems import Problems, listed
 from epinet.io.truth import checked_truth
 from epinet.metrics.metric import Mask, Metric, Resolution
@@ -94,7 +94,7 @@ class Scene:
         if resolution == "low":
             return self.truth
         path = self.folder / _TRUTH["high"]
-        truth = checked_truth(read_scaled_pfm(path), None, path)
+        truth = checked_truth(read_pfm(path), None, path)
         (height, width), k = self.size, truth.shape[0] // self.size[0]
         if truth.shape != (k * height, k * width):
             raise InputError(
@@ -241,7 +241,7 @@ def read_scene(folder: Path) -> Scene:
     parameters = Parameters()
     truth: NDArray[Any] | None = None
     with problems.gather():
-        truth = checked_truth(read_scaled_pfm(path), None, path)
+        truth = checked_truth(read_pfm(path), None, path)
     if (folder / "parameters.cfg").exists():
         with problems.gather():
             parameters = read_parameters(folder / "parameters.cfg")

@@ -56,7 +56,7 @@ def calibrate(
     calibration = fit(stored.disparity, points)
     known, _ = known_camera(stored, None, fov=fov, focal_length=focal_length_mm, sensor=sensor_mm)
     height, width = stored.size
-    known = known.completed_by(calibration.facts)
+    known = known.completed_by(calibration.facts).of_every(1 / stored.step)
     facts = known.model_copy(update={"width_px": width, "height_px": height})
     write_camera(output, facts)
     _tell(calibration)

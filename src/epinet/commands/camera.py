@@ -50,14 +50,18 @@ def known_camera(
     baseline: float | None = None,
     focus: float | None = None,
 ) -> tuple[CameraFacts, str]:
-    """What is known of a result's camera, and from where: flags over the file over the views."""
+    """What is known of a result's camera, and from where: flags over the file over the views.
+
+    Files and flags tell the distance of neighbouring views; the map of a result of every second
+    view is per two of them.
+    """
     from epinet.io.camera_file import camera_facts, read_camera
 
     facts, origins = stored.camera_facts, []
     if facts.known():
         origins.append("the views")
     if file is not None:
-        facts = facts.completed_by(read_camera(file))
+        facts = facts.completed_by(read_camera(file).of_every(stored.step))
         origins.append(str(file))
     flags = {
         "fov_deg": fov,
@@ -68,6 +72,8 @@ def known_camera(
     }
     given = {name: value for name, value in flags.items() if value is not None}
     if given:
-        facts = facts.completed_by(camera_facts(given, "camera"))
+        facts = facts.completed_by(camera_facts(given, "camera").of_every(stored.step))
         origins.append("options")
+    if stored.step != 1:
+        origins.append(f"baselines times the step of {stored.step} views")
     return facts, ", ".join(origins)

@@ -28,6 +28,10 @@ def predict(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder for the results: OUT/<name> for each.")
     ],
+    name: Annotated[
+        str | None,
+        typer.Option("--name", help="Of one light field's result; default: the light field's."),
+    ] = None,
     model: ModelOption = None,
     weights: WeightsOption = None,
     ensemble: Annotated[
@@ -77,7 +81,13 @@ def predict(
 ) -> None:
     """Turn light fields into disparity maps, each a folder of its own."""
     from epinet.allocator import keep_freed_memory
-    from epinet.predict.batch import Options, Reading, find_light_fields, predict_all
+    from epinet.predict.batch import (
+        Options,
+        Reading,
+        check_name,
+        find_light_fields,
+        predict_all,
+    )
     from epinet.predict.estimator import load_model
     from epinet.synth.dataset import parse_range
 
@@ -85,13 +95,19 @@ def predict(
     if range_px is not None and no_range:
         raise InputError(f"--range {range_} and --no-range exclude each other: give one of them")
     keep_freed_memory()
+    if name is not None:
+        check_name(name)
+    found = find_light_fields(paths, layout, remark)
+    if name is not None and len(found) != 1:
+        raise InputError(f"--name {name}: for one light field, not for {len(found)}")
     estimator = load_model(weights, device, model)
     outcomes = predict_all(
         estimator,
-        find_light_fields(paths, layout, remark),
+        found,
         output,
         reading=Reading(layout, flip_rows, flip_cols, transpose),
         options=Options(ensemble, scale, step, refine, range_px, False if no_range else None),
+        names=() if name is None else (name,),
         memory_mb=memory,
         force=force,
         progress=progress,

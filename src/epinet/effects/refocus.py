@@ -60,7 +60,7 @@ def refocus(
         )
     focus = np.broadcast_to(focus, lf.size)
 
-    def shown(light: NDArray[np.float32], step: tuple[int, int]) -> _Shown:
+    def shown(light: NDArray[np.float32], step: tuple[float, float]) -> _Shown:
         place = _place(focus, step)
         sharp = _sampled(light, place)
         if step == (0, 0) and radius == 0:
@@ -80,7 +80,7 @@ def all_in_focus(
 ) -> NDArray[np.uint8]:
     """The centre view with the noise of all views averaged out: each pixel from all that see it."""
 
-    def shown(light: NDArray[np.float32], step: tuple[int, int]) -> _Shown:
+    def shown(light: NDArray[np.float32], step: tuple[float, float]) -> _Shown:
         place = _place(disparity, step)
         return _sampled(light, place), place.inside & _visible(disparity, step)
 
@@ -129,18 +129,18 @@ class _Place:
 def _added_up(
     lf: LightField,
     radius: float,
-    shown: Callable[[NDArray[np.float32], tuple[int, int]], _Shown],
+    shown: Callable[[NDArray[np.float32], tuple[float, float]], _Shown],
     progress: Callable[[float], None],
 ) -> NDArray[np.uint8]:
     """The mean light of the views inside a round lens; its edge is soft, one step wide."""
     rows, cols = np.mgrid[: lf.grid[0], : lf.grid[1]]
-    distance = np.hypot(rows - lf.centre[0], cols - lf.centre[1])
+    distance = np.hypot(lf.row_spacing * (rows - lf.centre[0]), cols - lf.centre[1])
     shares = np.clip(radius + 0.5 - distance, 0, 1) * lf.present
     opened = np.argwhere(shares > 0)
     total = np.zeros((*lf.size, 3), np.float32)
     weight = np.zeros((*lf.size, 1), np.float32)
     for row, col in opened:
-        step = (int(row) - lf.centre[0], int(col) - lf.centre[1])
+        step = (lf.row_spacing * (int(row) - lf.centre[0]), float(int(col) - lf.centre[1]))
         light, counts = shown(to_light(lf.rgb(row, col)), step)
         share = np.float32(shares[row, col]) * counts[..., None]
         total += share * light
@@ -153,7 +153,7 @@ def _reach(lf: LightField) -> float:
     return float(min(lf.grid) // 2)
 
 
-def _place(focus: NDArray[np.float32], step: tuple[int, int]) -> _Place:
+def _place(focus: NDArray[np.float32], step: tuple[float, float]) -> _Place:
     height, width = focus.shape
     rows, cols = np.mgrid[:height, :width].astype(np.float32)
     x, y = cols - focus * step[1], rows - focus * step[0]
@@ -191,7 +191,7 @@ def _averaged(
 
 
 def _landing(
-    disparity: NDArray[np.float32], step: tuple[int, int]
+    disparity: NDArray[np.float32], step: tuple[float, float]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
     """Pixel (y, x) of a view at which each point of the centre view lands, and the view's own
     disparity: the largest that lands on a pixel, -inf where nothing does."""
@@ -204,13 +204,13 @@ def _landing(
     return y, x, nearest
 
 
-def _warped(disparity: NDArray[np.float32], step: tuple[int, int]) -> NDArray[np.float32]:
+def _warped(disparity: NDArray[np.float32], step: tuple[float, float]) -> NDArray[np.float32]:
     """The disparity as the view sees it; where only the view sees something, the centre view's."""
     nearest = _landing(disparity, step)[2]
     return np.where(np.isfinite(nearest), nearest, disparity)
 
 
-def _visible(disparity: NDArray[np.float32], step: tuple[int, int]) -> NDArray[np.bool_]:
+def _visible(disparity: NDArray[np.float32], step: tuple[float, float]) -> NDArray[np.bool_]:
     """Which points of the centre view a view shows: the nearest ones of those at one place."""
     if step == (0, 0):
         return np.ones(disparity.shape, dtype=bool)

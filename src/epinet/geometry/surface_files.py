@@ -9,11 +9,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from PIL import Image
 
 from epinet.errors import InputError
 from epinet.geometry.surface import Surface
 from epinet.io.atomic import atomic_path
+from epinet.srgb import to_light
 
 if TYPE_CHECKING:
     import trimesh
@@ -87,7 +89,11 @@ def _glb(surface: Surface) -> bytes:
     from trimesh.visual.material import PBRMaterial
 
     shown = _shown(surface)
-    if len(surface.faces):
+    if not len(surface.faces):  # glTF's colours of vertices are linear light
+        colours = surface.colours.copy()
+        colours[:, :3] = np.round(255 * to_light(colours[:, :3] / 255)).astype(np.uint8)
+        shown.colors = colours
+    else:
         material = PBRMaterial(
             name="centre_view",
             baseColorTexture=Image.fromarray(surface.picture),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -22,6 +22,11 @@ LONGER_SIDE_PX = 192
 SPACING_PX = 1 / 3
 """Planes lie so far apart, in pixels per adjacent view, where a sweep's steps are no finer than
 that: with many views fewer planes do."""
+NOTHING_MATCHES = (
+    "the views have texture, but nothing matches within the disparities that were searched, as far "
+    "as views of this size tell: are the views in order? If disparities are known, give --range"
+)
+"""What to say where a range cannot be told, though not for lack of texture."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +49,17 @@ class DisparityRange:
         return cls(
             min_px=low / star.scale,
             max_px=high / star.scale,
-            search_px=star.search / star.scale,
-            hits_limit=max(-low, high) >= star.search - _step_px(star),
+            search_px=match.search / star.scale,
+            hits_limit=_hits_limit(star, match),
+        )
+
+    def divided(self, factor: float) -> DisparityRange:
+        """That of pictures that were stretched by the factor, in px of the unstretched ones."""
+        return replace(
+            self,
+            min_px=self.min_px / factor,
+            max_px=self.max_px / factor,
+            search_px=self.search_px / factor,
         )
 
     def __str__(self) -> str:
@@ -69,12 +83,23 @@ def estimate_range(lf: LightField) -> DisparityRange | None:
 
 
 def range_match(star: Star) -> Match | None:
-    """A plane sweep, rough to fine, that tells the range. None without texture.
+    """A plane sweep, rough to fine, that tells the range. None without texture or a match.
+
+    Where the range ends with the search, a wider one is tried.
 
     Args:
         star: exposed alike, in working images of LONGER_SIDE_PX.
     """
-    return fine_match(star, _step_px(star))
+    match = fine_match(star, _step_px(star))
+    while match is not None and _hits_limit(star, match) and star.can_widen:
+        star = star.widened()
+        match = fine_match(star, _step_px(star))
+    return match
+
+
+def _hits_limit(star: Star, match: Match) -> bool:
+    low, high = match.disparity_percentiles(TAIL)
+    return max(-low, high) >= match.search - _step_px(star)
 
 
 def _step_px(star: Star) -> float:

@@ -1,7 +1,8 @@
-"""Which of the 8 flips and transpositions of the view grid fits the images.
+"""Which of the 8 flips and transpositions of the view grid fits the images, if any.
 
-Two steps. Photo-consistency tells four classes apart: reversing both axes of the grid only turns
-d into -d, so two arrangements share each class. Occlusion then tells the sign (occlusion.py).
+Photo-consistency tells four classes apart: reversing both axes of the grid only turns d into -d, so
+two arrangements share each class. Under the best one all views must agree (agreement.py), or no
+arrangement of a square grid fits. Occlusion then tells the sign (occlusion.py).
 """
 
 from __future__ import annotations
@@ -9,13 +10,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.nn import functional
+
+from epinet.inspect.agreement import agreement
 from epinet.inspect.occlusion import Votes, occlusion_votes
+from epinet.inspect.spacing import Spacing, estimate_spacing, stretched
 from epinet.inspect.sweep import (
     FINE_STEP_PX,
     TAIL,
+    Match,
     Offset,
     Star,
     load_star,
+    match_of_map,
     rough_match,
     rough_range,
     sweep,
@@ -108,6 +118,10 @@ class OrderCheck:
     """Occlusions that speak for (near) and against (far) the sign after the correction."""
     given: Arrangement
     """The correction that had been made already, as a user may ask for it."""
+    is_grid: bool = True
+    """Whether any arrangement of a square grid fits, as far as the images tell."""
+    spacing: Spacing | None = None
+    """Of the rows as given; None where the images tell no disparity along them."""
 
     @property
     def in_all(self) -> Arrangement:
@@ -137,6 +151,8 @@ class OrderCheck:
     @property
     def is_consistent(self) -> bool | None:
         """Whether the order is right as given; None where that stays open."""
+        if not self.is_grid:
+            return False
         if not self.decided_grid:
             return None
         if self.correction == Arrangement():
@@ -146,6 +162,12 @@ class OrderCheck:
     @property
     def verdict(self) -> str:
         """One sentence for the user."""
+        if not self.is_grid:
+            return (
+                "No arrangement of a square grid fits the views, which disagree under all of them: "
+                "no flip puts a serpentine or shuffled order right, or makes a grid of a straight "
+                "track; name the views by their rows and columns (view_<row>_<column>.png)."
+            )
         if not self.decided_grid:
             return "The images have too little texture or parallax to tell the order of the views."
         fit = f"fits {self.grid_margin:.1f} times better than the next"
@@ -169,41 +191,83 @@ def check_order(lf: LightField) -> OrderCheck:
         InputError: the grid is smaller than 3x3, or the star of views is missing.
     """
     star = load_star(lf)
-    residuals, (low, high) = _class_residuals(star)
+    spacing = estimate_spacing(star)
+    if spacing is not None and not spacing.is_square:
+        lf = stretched(lf, spacing.factor)
+        star = load_star(lf)
+    residuals, match = _class_residuals(star)
     best = min(CLASSES, key=lambda arrangement: residuals[arrangement])
     given = Arrangement(*lf.order)
-    undecided = OrderCheck(best, False, False, residuals, Votes(0, 0), given)
-    if undecided.grid_margin < MIN_GRID_MARGIN:
-        return replace(undecided, correction=Arrangement())
-    votes = _sign_votes(lf, best, low / star.scale, high / star.scale)
+    check = OrderCheck(Arrangement(), False, False, residuals, Votes(0, 0), given, spacing=spacing)
+    if match is None:
+        return replace(check, is_grid=not star.has_texture)
+    is_grid = not star.has_texture or agreement(star.rearranged(best.moves), match).is_grid
+    if check.grid_margin < MIN_GRID_MARGIN:
+        return replace(check, is_grid=is_grid)
+    votes = _sign_votes(lf, star, best, match)
     decided = votes.near + votes.far >= MIN_VOTES and abs(votes.margin) >= MIN_VOTE_MARGIN
     if decided and votes.margin < 0:
         best, votes = best.reversed, Votes(votes.far, votes.near)
-    return OrderCheck(best, True, decided, residuals, votes, given)
+    return OrderCheck(best, True, decided, residuals, votes, given, is_grid, spacing)
 
 
-def _class_residuals(star: Star) -> tuple[dict[Arrangement, float], tuple[float, float]]:
-    """The residual of each class, and the disparity range of the best, in working pixels.
+def _class_residuals(star: Star) -> tuple[dict[Arrangement, float], Match | None]:
+    """The residual of each class, and the match of the best; None, and zeros, without any.
 
     A rough sweep of all classes finds how far disparities reach; a fine one compares the classes.
-    Without texture all residuals are 0.
     """
     stars = {a: star.rearranged(a.moves) for a in CLASSES}
     rough = {a: rough_match(s) for a, s in stars.items()}
-    if not any(match.is_distinct for match in rough.values()):
-        return dict.fromkeys(CLASSES, 0.0), (0.0, 0.0)
+    while not any(match.is_distinct for match in rough.values()):
+        if not star.can_widen:
+            return dict.fromkeys(CLASSES, 0.0), None
+        star = star.widened()
+        stars = {a: s.widened() for a, s in stars.items()}
+        rough = {a: rough_match(s) for a, s in stars.items()}
     low, high = rough_range(star, min(rough.values(), key=lambda match: match.residual))
     reach = max(abs(low), abs(high))
     fine = {a: sweep(s.rings(reach), -reach, reach, FINE_STEP_PX) for a, s in stars.items()}
     best = min(fine.values(), key=lambda match: match.residual)
     if not best.has_pixels:
-        return dict.fromkeys(CLASSES, 0.0), (0.0, 0.0)
-    return {a: match.residual for a, match in fine.items()}, best.disparity_percentiles(TAIL)
+        return dict.fromkeys(CLASSES, 0.0), None
+    return {a: match.residual for a, match in fine.items()}, best
 
 
-def _sign_votes(lf: LightField, arrangement: Arrangement, low_px: float, high_px: float) -> Votes:
+def _sign_votes(lf: LightField, matched: Star, arrangement: Arrangement, match: Match) -> Votes:
     star = load_star(lf, SIGN_LONGER_SIDE_PX).rearranged(arrangement.moves)
-    low, high = low_px * star.scale, high_px * star.scale
+    low, high = (bound * star.scale / matched.scale for bound in match.disparity_percentiles(TAIL))
     star = star.rings(max(abs(low), abs(high)))
     match = sweep(star, low, high, SIGN_STEP_PX, window=SIGN_WINDOW, occlusions=True)
     return occlusion_votes(star, match) if match.has_pixels else Votes(0, 0)
+
+
+@torch.inference_mode()
+def sign_votes(lf: LightField, disparity: NDArray[np.float32]) -> Votes:
+    """Occlusions that speak for and against the sign of a disparity map.
+
+    Args:
+        lf: whose centre view the map is of.
+        disparity: (H, W) px per adjacent view.
+    """
+    star = load_star(lf, SIGN_LONGER_SIDE_PX)
+    size = star.centre.shape
+    whole = torch.from_numpy(np.ascontiguousarray(disparity))[None, None]
+    small = star.scale * functional.interpolate(whole, size, mode="nearest-exact")[0, 0]
+    star = star.rings(float(np.percentile(small.abs().numpy(), 99)))
+    match = match_of_map(star, small, SIGN_WINDOW)
+    return occlusion_votes(star, match) if match.has_pixels else Votes(0, 0)
+
+
+def reversed_verdict(votes: Votes, order: tuple[bool, bool, bool]) -> str | None:
+    """What to say where occlusions are clearly against the sign; None where they are not."""
+    count = votes.near + votes.far
+    if count < MIN_VOTES or votes.margin > -MIN_VOTE_MARGIN:
+        return None
+    given = Arrangement(*order)
+    wanted = Arrangement().reversed.after(given)
+    instead = "" if given == Arrangement() else f" in place of {given}"
+    text = " ".join(wanted.flags) or "no flag"
+    return (
+        f"The order of the views is wrong: it needs {text}{instead} ({votes.far} of {count} "
+        "occlusions show that near and far are exchanged)."
+    )

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from epinet.inspect.alignment import estimate_alignment
-from epinet.inspect.disparity_range import DisparityRange, estimate_range
+from epinet.inspect.disparity_range import NOTHING_MATCHES, DisparityRange, estimate_range
 from epinet.inspect.order import OrderCheck, check_order
+from epinet.inspect.spacing import stretched
+from epinet.inspect.sweep import load_star
 from epinet.lightfield import LightField
 
 RANGE_TOLERANCE_PX = 0.3
@@ -23,9 +25,15 @@ def inspect(lf: LightField, trained_range_px: tuple[float, float] | None) -> dic
         lf: as it was read and, where asked for, reordered.
         trained_range_px: disparities that the network was trained for, if known.
     """
+    lf = lf.brightened()
     order = check_order(lf)
     ordered = order.correction.apply(lf)
+    uneven = order.spacing is not None and not order.spacing.is_square
+    if order.spacing is not None and uneven:
+        ordered = stretched(ordered, order.spacing.factor)
     span, alignment = estimate_range(ordered), estimate_alignment(ordered)
+    if span is not None and order.spacing is not None and uneven:
+        span = span.divided(max(1.0, order.spacing.factor))
     height, width = lf.size
     return {
         "input": None if lf.source is None else str(lf.source),
@@ -39,6 +47,8 @@ def inspect(lf: LightField, trained_range_px: tuple[float, float] | None) -> dic
         "truth": _truth(lf),
         "masks": {name: round(float(mask.mean()), 4) for name, mask in lf.masks.items()},
         "order": _order(order),
+        "row_spacing": round(order.spacing.factor, 3) if order.spacing and uneven else 1.0,
+        "has_texture": load_star(lf).has_texture,
         "disparity_px": None if span is None else asdict(span),
         "captured": lf.captured,
         "alignment": None if alignment is None else alignment.as_dict(),
@@ -55,7 +65,6 @@ def report_lines(report: dict[str, Any]) -> list[str]:
     if grid["present"] < total:
         views += f", {grid['present']} of {total} present"
     colour = "gray" if report["channels"] == 1 else "RGB"
-    span = report["disparity_px"]
     facts = {
         "layout": report["layout"],
         "views": f"{views}; reference view: {report['reference_view']}",
@@ -64,9 +73,11 @@ def report_lines(report: dict[str, Any]) -> list[str]:
         "truth": _truth_text(report["truth"]),
         "masks": ", ".join(f"{n} ({100 * s:.1f} %)" for n, s in report["masks"].items()),
         "order": report["order"]["verdict"],
-        "disparity": "cannot be estimated: too little texture"
-        if span is None
-        else f"about {span['min_px']:.1f}..{span['max_px']:.1f} px per adjacent view (estimated)",
+        "spacing": ""
+        if report["row_spacing"] == 1
+        else f"rows are {report['row_spacing']:.2f} times as far apart as columns (measured); "
+        "disparities are per adjacent column",
+        "disparity": _disparity_text(report),
         "alignment": _alignment_text(report["alignment"]),
     }
     lines = [str(report["input"])]
@@ -104,7 +115,9 @@ def _warnings(
     order: OrderCheck, span: DisparityRange | None, trained: tuple[float, float] | None
 ) -> list[str]:
     warnings = []
-    if order.is_consistent is False:
+    if not order.is_grid:
+        warnings.append(order.verdict)
+    elif order.is_consistent is False:
         unsure = "" if order.decided_sign else " (the wrong one of them reverses the sign)"
         warnings.append(f"the views stand in the wrong order; give: {order.remedy}{unsure}")
     if span is not None and trained is not None:
@@ -142,6 +155,14 @@ def _alignment_text(alignment: dict[str, Any] | None) -> str:
         f"exposures differ by {100 * alignment['unevenness']:.2f} % of white (rms; gains "
         f"{low:.3f}..{high:.3f}){uneven}"
     )
+
+
+def _disparity_text(report: dict[str, Any]) -> str:
+    span = report["disparity_px"]
+    if span is not None:
+        return f"about {span['min_px']:.1f}..{span['max_px']:.1f} px per adjacent view (estimated)"
+    why = NOTHING_MATCHES if report["has_texture"] else "too little texture"
+    return f"cannot be estimated: {why}"
 
 
 def _truth_text(truth: dict[str, float] | None) -> str:

@@ -19,7 +19,7 @@ from torch.nn import functional
 from epinet.angular import DIRECTIONS_DEG, direction_positions, star_positions
 from epinet.errors import InputError
 from epinet.lightfield import LightField
-from epinet.shifts import Margined
+from epinet.shifts import Margined, sampled
 from epinet.squares import box_mean
 
 LONGER_SIDE_PX = 256
@@ -46,13 +46,17 @@ more for faint texture under as much noise."""
 MIN_PIXELS = 50
 """Fewer usable working pixels than this tell nothing."""
 
+TEXTURE_PX, MIN_TEXTURE, MIN_TEXTURED = 5, 0.01, 0.05
+"""Means over squares of so many pixels must still vary by so much, in this share of the picture, to
+be texture: mere noise of up to 12 gray levels varies less."""
+
 Offset = tuple[int, int]
 """(rows, columns) from the centre view to another."""
 
 
-def largest_searched_px(shorter_side_px: float) -> float:
+def largest_searched_px(shorter_side_px: float, search_px: float = SEARCH_PX) -> float:
     """Largest |disparity| looked for in views of this size: a small one shows less."""
-    return min(SEARCH_PX, shorter_side_px / 3)
+    return min(search_px, shorter_side_px / 3)
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,8 @@ class Star:
     """Where each view stands."""
     scale: float
     """Working pixels per view pixel, at most 1."""
+    search_px: float = SEARCH_PX
+    """Largest |disparity| to look for, in view pixels, where the views are large enough."""
 
     @property
     def radius(self) -> int:
@@ -76,7 +82,27 @@ class Star:
     @property
     def search(self) -> float:
         """Largest |disparity| to look for, in working pixels."""
-        return self.scale * largest_searched_px(min(self.centre.shape) / self.scale)
+        shorter_px = min(self.centre.shape) / self.scale
+        return self.scale * largest_searched_px(shorter_px, self.search_px)
+
+    @property
+    def can_widen(self) -> bool:
+        """Whether views of this size can tell larger disparities, and the centre view any."""
+        return self.search_px < min(self.centre.shape) / self.scale / 3 and self.has_texture
+
+    def widened(self) -> Star:
+        """The same views, in which twice as large disparities are looked for."""
+        return replace(self, search_px=2 * self.search_px)
+
+    @property
+    def textured(self) -> Tensor:
+        """(H, W) bool: where the centre view shows more than noise."""
+        return torch.gt(_contrast(box_mean(self.centre[None], TEXTURE_PX)[0]), MIN_TEXTURE**2)
+
+    @property
+    def has_texture(self) -> bool:
+        """Whether the centre view shows more than noise."""
+        return float(self.textured.float().mean()) > MIN_TEXTURED
 
     def exposed_alike(self) -> Star:
         """Each view brought to the mean brightness of the centre view."""
@@ -108,6 +134,8 @@ class Match:
     """(H, W) bool: textured, and within all views at its disparity."""
     chance_cost: Tensor
     """(H, W) mean cost over all planes: what a wrong plane leaves."""
+    search: float = 0.0
+    """Largest |disparity| that was looked for, in working pixels."""
 
     @property
     def has_pixels(self) -> bool:
@@ -150,7 +178,7 @@ def load_star(lf: LightField, longer_side_px: int = LONGER_SIDE_PX) -> Star:
     side = min(lf.grid) - 1 + min(lf.grid) % 2
     if side < 3:
         raise InputError(f"{lf.source or 'light field'}: at least 3x3 views are needed")
-    grid, middle = lf.central(side), side // 2
+    grid, middle = lf.central(side).brightened(), side // 2
     positions = [p for p in star_positions(side) if grid.present[p] and p != (middle, middle)]
     if not positions or not grid.present[middle, middle]:
         which = "the centre view is" if positions else "all views around the centre are"
@@ -215,6 +243,17 @@ def sweep(
     return Match(cost, disparity, inside & _textured(star.centre), total / planes)
 
 
+def match_of_map(star: Star, disparity: Tensor, window: int = WINDOW) -> Match:
+    """A match whose disparities (H, W), in working pixels, are known; its chance costs are 0."""
+    moves = [(float(row), float(col)) for row, col in star.offsets]
+    seen = sampled(star.views[None], disparity[None, None], moves)[0]
+    difference = (seen - star.centre).abs_().clamp_(max=TRUNCATION)
+    halves = torch.stack([difference[side].mean(0) for side in _halves(star.offsets)])
+    cost = box_mean(halves, window).amin(0)
+    inside = _edge_distance(cost) >= disparity.abs() * star.radius + window // 2
+    return Match(cost, disparity, inside & _textured(star.centre), torch.zeros_like(cost))
+
+
 def rough_match(star: Star) -> Match:
     """A sweep over all that is searched, with views near the centre."""
     return sweep(star.rings(star.search), -star.search, star.search, ROUGH_STEP_PX)
@@ -234,16 +273,20 @@ def rough_range(star: Star, match: Match) -> tuple[float, float]:
 
 
 def fine_match(star: Star, step_px: float = FINE_STEP_PX) -> Match | None:
-    """A sweep over the disparities that a rough one finds. None without texture.
+    """A sweep over the disparities that a rough one finds, within the star's search or, where
+    nothing matches, a wider one. None without texture, or where no search finds a match.
 
     Disparities are good to about 0.3 view pixels.
     """
     rough = rough_match(star)
-    if not rough.is_distinct:
-        return None
+    while not rough.is_distinct:
+        if not star.can_widen:
+            return None
+        star = star.widened()
+        rough = rough_match(star)
     low, high = rough_range(star, rough)
     match = sweep(star.rings(max(abs(low), abs(high))), low, high, step_px)
-    return match if match.has_pixels else None
+    return replace(match, search=star.search) if match.has_pixels else None
 
 
 def _ring(offset: Offset) -> int:
@@ -283,5 +326,11 @@ def _edge_distance(image: Tensor) -> Tensor:
 
 
 def _textured(image: Tensor) -> Tensor:
+    return torch.gt(_contrast(image), MIN_CONTRAST**2)
+
+
+def _contrast(image: Tensor) -> Tensor:
+    """(H, W) variance of intensity within a window."""
     mean, mean_square = box_mean(torch.stack([image, image**2]), WINDOW)
-    return torch.gt(mean_square - mean**2, MIN_CONTRAST**2)
+    variance: Tensor = mean_square - mean**2
+    return variance

@@ -104,6 +104,20 @@ class CameraFacts(BaseModel):
                 mine.pop(ours, None)
         return camera_facts(mine | theirs, "camera")
 
+    def of_every(self, step: float) -> CameraFacts:
+        """Those of every `step`-th view, which stand so much farther apart.
+
+        Example:
+            >>> CameraFacts(baseline_mm=10).of_every(2).baseline_mm
+            20.0
+        """
+        lengths = {
+            "baseline_mm": self.baseline_mm,
+            "baseline_focal_mm_px": self.baseline_focal_mm_px,
+        }
+        changed = {name: step * mm for name, mm in lengths.items() if mm is not None}
+        return self.model_copy(update=changed)
+
     @property
     def has_view(self) -> bool:
         """Whether the field of view is known, which says how wide things are."""

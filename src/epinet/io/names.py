@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -59,9 +58,18 @@ def is_shown(path: Path) -> bool:
     return not path.name.startswith(".") and path.name.lower() not in _OF_WINDOWS
 
 
+def named_path(path: Path) -> Path:
+    """The absolute path under the name that the user gave: `.` has one, too, and a link keeps its
+    own, while the folders above are those that it truly lies in."""
+    absolute = path.absolute()
+    if absolute.name in ("", ".."):
+        return absolute.resolve()
+    return absolute.parent.resolve() / absolute.name
+
+
 def folder_name(folder: Path) -> str:
-    """What a folder is called where it stands: `.` has a name, too, and a link keeps its own."""
-    return Path(os.path.normpath(folder.absolute())).name
+    """What a folder is called where it stands."""
+    return named_path(folder).name
 
 
 def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:

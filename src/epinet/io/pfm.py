@@ -1,9 +1,8 @@
 """PFM (portable float map), the benchmark's format of disparity maps.
 
 Three header lines (`Pf` gray or `PF` colour, `width height`, `scale`), then float32 rows from the
-bottom up. The scale's sign is the byte order: negative is little-endian. Readers differ about its
-magnitude: here values come as they are stored, and `read_scaled_pfm` multiplies them, as the
-benchmark's own toolkit does.
+bottom up. The scale's sign is the byte order: negative is little-endian. Values are multiplied by
+its magnitude, as the benchmark's own toolkit does.
 """
 
 from __future__ import annotations
@@ -32,23 +31,16 @@ _LINE_END = re.compile(rb"[ \t]*(?:#[^\r\n]*)?(?:\r\n|\n|\r)")
 def read_pfm(path: str | Path) -> NDArray[np.float32]:
     """Read a map, top row first: (H, W) of a gray file, (H, W, 3) of a colour one.
 
-    Every value comes back bit for bit (NaN payloads too). CRLF headers and `#` comments are
-    accepted.
+    Under a scale of 1 or -1 every value comes back bit for bit (NaN payloads too), under another
+    multiplied by its magnitude. CRLF headers and `#` comments are accepted.
 
     Raises:
         InputError: no such file, not a PFM, or a header that does not fit the data's length.
     """
-    return _read(path)[0]
-
-
-def read_scaled_pfm(path: str | Path) -> NDArray[np.float32]:
-    """A map as the benchmark's toolkit reads it: values times the magnitude of the scale.
-
-    Raises:
-        InputError: as `read_pfm`.
-    """
-    values, scale = _read(path)
-    return values if abs(scale) == 1 else values * np.float32(abs(scale))
+    path = Path(path)
+    with parsing(path, "PFM"), open_regular(path) as file:
+        _check_size(path, file.read(_LONGEST_HEADER), os.fstat(file.fileno()).st_size)
+        return decode_pfm(read_bytes(path), path)[0]
 
 
 def decode_pfm(data: bytes, path: Path | str) -> tuple[NDArray[np.float32], float]:
@@ -73,38 +65,30 @@ def decode_pfm(data: bytes, path: Path | str) -> tuple[NDArray[np.float32], floa
     shape = (height, width, 3) if magic == b"PF" else (height, width)
     start = _data_start(path, data, header.end(), shape)
     rows = np.frombuffer(data, dtype=f"{byte_order}f4", offset=start).reshape(shape)
-    return np.ascontiguousarray(rows[::-1], dtype=np.float32), scale
+    values = np.ascontiguousarray(rows[::-1], dtype=np.float32)
+    if abs(scale) != 1:
+        with np.errstate(over="ignore", invalid="ignore"):  # too large a scale gives inf
+            values = values * np.float32(abs(scale))
+    return values, scale
 
 
-def write_pfm(
-    path: str | Path, array: NDArray[Any], *, big_endian: bool = False, scale: float = 1.0
-) -> None:
+def write_pfm(path: str | Path, array: NDArray[Any], *, big_endian: bool = False) -> None:
     """Write a map (H, W) or (H, W, 3), top row first; other types are converted to float32.
 
-    `scale` (> 0) goes into the header only. A failure leaves no partial file.
+    A failure leaves no partial file.
 
     Raises:
-        InputError: another shape, no pixels, a scale that is not positive, or an unwritable path.
+        InputError: another shape, no pixels, or an unwritable path.
     """
     array = np.asarray(array)
     if not (array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)) or array.size == 0:
         raise InputError(f"{path}: a PFM holds (H, W) or (H, W, 3) values, not {array.shape}")
-    if not (math.isfinite(scale) and scale > 0):
-        raise InputError(f"{path}: the scale must be positive and finite, not {scale}")
     height, width = array.shape[:2]
     magic = "Pf" if array.ndim == 2 else "PF"
-    signed_scale = scale if big_endian else -scale
-    header = f"{magic}\n{width} {height}\n{float(signed_scale)!r}\n".encode()
+    header = f"{magic}\n{width} {height}\n{1.0 if big_endian else -1.0}\n".encode()
     rows = array.astype(">f4" if big_endian else "<f4")[::-1]
     with atomic_path(path) as temporary:
         temporary.write_bytes(header + rows.tobytes())
-
-
-def _read(path: str | Path) -> tuple[NDArray[np.float32], float]:
-    path = Path(path)
-    with parsing(path, "PFM"), open_regular(path) as file:
-        _check_size(path, file.read(_LONGEST_HEADER), os.fstat(file.fileno()).st_size)
-        return decode_pfm(read_bytes(path), path)
 
 
 def _check_size(path: Path, beginning: bytes, size: int) -> None:

@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +15,15 @@ import torch
 from epinet import __version__
 from epinet.documents import validated
 from epinet.errors import InputError
-from epinet.io import LAYOUTS, is_light_field, lytro_raw, named_layout, read_light_field
+from epinet.io import LAYOUTS, is_light_field, named_layout, read_light_field
 from epinet.io.atomic import check_writable
 from epinet.io.images import IMAGE_SUFFIXES
-from epinet.io.names import is_shown
+from epinet.io.names import is_shown, named_path
 from epinet.lightfield import LightField
 from epinet.predict.estimator import DEFAULT_MEMORY_MB, Estimator
-from epinet.predict.record import Finished, read_run
-from epinet.predict.result import FILES, Result, check_replaceable
-from epinet.raw.white import BESIDE
+from epinet.predict.ownership import check_owner, content_sha256, files_of, is_anothers, stored_run
+from epinet.predict.record import Finished
+from epinet.predict.result import FILES, check_replaceable
 
 FILE_SUFFIXES = {suffix for layout in LAYOUTS.values() for suffix in layout.suffixes}
 
@@ -100,7 +100,7 @@ def find_light_fields(
         except OSError as error:
             raise InputError(f"{path}: cannot be listed ({error.strerror})") from error
         found += inside or [path]
-    return found
+    return list({named_path(path): path for path in found}.values())
 
 
 def _among(
@@ -150,10 +150,28 @@ def check_names(paths: Sequence[Path]) -> None:
         )
 
 
+def check_name(name: str) -> None:
+    """Refuse a name that a user gives and that is none of a folder.
+
+    Raises:
+        InputError: it is empty, a path, or holds what is not printed.
+    """
+    if name in ("", ".", "..") or not name.isprintable() or set(name) & set("/\\"):
+        raise InputError(f"--name {name!r}: give a name of a folder, without slashes")
+
+
 def result_name(path: Path) -> str:
-    """Name of the result folder of a light field."""
-    resolved = path.resolve()
-    return resolved.stem if resolved.is_file() else resolved.name
+    """Name of a light field's result: as the user named the file or folder, be it a link."""
+    named = named_path(path)
+    return named.stem if named.is_file() else named.name
+
+
+def _free_name(path: Path, out: Path, force: bool) -> str:
+    """Its own, or its folder's and its own where another's result stands in `out`."""
+    name = result_name(path)
+    if force or not is_anothers(out / name, path):
+        return name
+    return f"{named_path(path).parent.name}_{name}"
 
 
 def predict_all(
@@ -163,22 +181,28 @@ def predict_all(
     *,
     reading: Reading,
     options: Options,
+    names: Sequence[str] = (),
     memory_mb: float = DEFAULT_MEMORY_MB,
     force: bool = False,
     progress: Progress,
 ) -> Iterator[Outcome]:
     """Predict each light field into out/<name>, skipping those whose result stands there.
 
+    `names` are those of the results; without them, each light field's own, or where the result of
+    another stands there, that of its folder before it.
+
     A result counts as done if it came from the same input with the same settings, weights and
-    version, is complete, and is newer than the input. One that fails does not stop the others.
+    version, is complete, and is newer than the input. That of another input stays, unless `force`
+    is given. One that fails does not stop the others.
 
     Raises:
         InputError: two inputs have the same name, or `out` cannot be written.
     """
-    check_names(paths)
+    if not names:
+        check_names(paths)
+        names = [_free_name(path, out, force) for path in paths]
     check_writable(out)
-    for path in paths:
-        name = result_name(path)
+    for path, name in zip(paths, names, strict=True):
         folder = out / name
         request = _request(path, estimator, reading, options)
         try:
@@ -186,8 +210,13 @@ def predict_all(
                 yield Outcome(name, folder, run, skipped=True)
                 continue
             check_replaceable(folder)
-            result = _predict(estimator, path, reading, options, memory_mb, progress)
-            result.request.update(request)
+            if not force:
+                check_owner(folder, path)
+            with progress(name) as advance:
+                result = estimator.predict(
+                    reading.read(path), **asdict(options), memory_mb=memory_mb, progress=advance
+                )
+            result = replace(result, request=request, input_sha256=content_sha256(path))
             result.save(folder)
             yield Outcome(name, folder, result.describe())
         except InputError as error:
@@ -205,26 +234,12 @@ def _lacks_memory(error: MemoryError | RuntimeError) -> bool:
     return special or "can't allocate memory" in str(error)
 
 
-def _predict(
-    estimator: Estimator,
-    path: Path,
-    reading: Reading,
-    options: Options,
-    memory_mb: float,
-    progress: Progress,
-) -> Result:
-    with progress(result_name(path)) as advance:
-        return estimator.predict(
-            reading.read(path), **asdict(options), memory_mb=memory_mb, progress=advance
-        )
-
-
 def _request(
     path: Path, estimator: Estimator, reading: Reading, options: Options
 ) -> dict[str, Any]:
     request: dict[str, Any] = {
         "epinet": __version__,
-        "input": str(path.resolve()),
+        "input": str(named_path(path)),
         "reading": asdict(reading),
         "options": asdict(options),
         "weights_sha256": estimator.sha256,
@@ -235,23 +250,14 @@ def _request(
 
 def _finished(folder: Path, path: Path, request: dict[str, Any]) -> dict[str, Any] | None:
     """run.json of a result that answers the request, or None."""
-    record = folder / "run.json"
+    run = stored_run(folder)
+    if run.get("request") != request:
+        return None
     try:
-        run = read_run(record)
-        validated(Finished, run, record)
+        validated(Finished, run, folder / "run.json")
         complete = {p.name for p in folder.iterdir()} >= FILES
-        newest = max(p.stat().st_mtime for p in _read_with(path))
-        fresh = record.stat().st_mtime >= newest
+        newest = max(p.stat().st_mtime for p in files_of(path))
+        fresh = (folder / "run.json").stat().st_mtime >= newest
     except (OSError, InputError):
         return None
-    return run if run["request"] == request and complete and fresh else None
-
-
-def _read_with(path: Path) -> list[Path]:
-    """The files that a light field is read from; of white images beside it, their folder."""
-    if path.is_dir():
-        return [p for p in path.iterdir() if p.is_file()]
-    if path.suffix.lower() not in lytro_raw.LAYOUT.suffixes:
-        return [path]
-    beside = (path.with_suffix(".json"), path.parent / BESIDE)
-    return [path, *(p for p in beside if p.exists())]
+    return run if complete and fresh else None

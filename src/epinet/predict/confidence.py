@@ -13,7 +13,16 @@ pixels) over that half of the views which agrees best, since the other half may 
 
 So 1 means that the views agree perfectly, 0.5 that they differ by TOLERANCE. It is
 photo-consistency, not a probability: low where the estimate must be wrong (or the surface
-mirrors, or the views are noisy), but high also on a textureless wall, where any disparity agrees.
+mirrors, or the views are noisy). On a textureless wall any disparity agrees; so it is multiplied by
+
+    1 / (1 + (deviation / 0.07 px)^2)
+
+where the deviation is that of the best estimate (its Cramer-Rao bound) from the texture along the
+epipolar lines against the noise, over a window (`observability`).
+
+Both kinds are lowered where the picture has texture and yet the views agree no better under the
+estimate than under wrong disparities (`support`): there the views stand elsewhere, or the true
+disparity was not looked for.
 """
 
 from __future__ import annotations
@@ -26,11 +35,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional as F
 
 from epinet.angular import star_positions
+from epinet.inspect.disparity_range import LONGER_SIDE_PX
+from epinet.inspect.sweep import load_star, match_of_map
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import EVENS_PX, STEEPEST
-from epinet.shifts import sampled
+from epinet.shifts import gradients_of, sampled
 from epinet.squares import box_mean
 
 WITHIN_PX = 0.07
@@ -38,9 +50,23 @@ WITHIN_PX = 0.07
 
 AGREEMENT, PROBABILITY = "1: all views agree", f"probability of an error up to {WITHIN_PX} px"
 """What the two kinds of confidence mean."""
+WITHHELD = "0 everywhere, as the views stand in the wrong order: see the warnings"
 
 TOLERANCE = 0.02
 """Difference in luma (0..1) at which the confidence is one half: about 5 gray levels of 255."""
+
+WINDOW_PX = 9
+"""A disparity is taken to be the same over this square."""
+QUANTISED = 1 / (255 * 12**0.5)
+"""Standard deviation of what rounding to 8 bits adds."""
+
+SUPPORT_PX = 15
+"""Support is judged over this square of a small picture."""
+ELSEWHERE_PX = 8.0
+"""Wrong disparities to compare with move the outermost views by this."""
+NO_FIT, FIT = 1.1, 1.5
+"""What wrong disparities leave over what the estimate leaves: none of the confidence remains, all
+remains; it is 3 and more where views match."""
 
 BAND_PX = 2**17
 """Pixels handled at once, to bound memory: some 200 MB with 32 views."""
@@ -56,10 +82,8 @@ class Calibration:
 
     def confidence(self, expected_error_px: NDArray[np.float32]) -> NDArray[np.float32]:
         """Probability (...) in 0..1 of an error up to `WITHIN_PX`."""
-        with np.errstate(
-            over="ignore", divide="ignore"
-        ):  # odds without bound are a confidence of 0
-            odds = (expected_error_px / self.even_px) ** self.steepness
+        with np.errstate(over="ignore", divide="ignore"):  # infinite odds: a confidence of 0
+            odds = (expected_error_px.astype(np.float64) / self.even_px) ** self.steepness
         return (1 / (1 + odds)).astype(np.float32)
 
     @classmethod
@@ -91,7 +115,63 @@ class Calibration:
 
 @torch.inference_mode()
 def photo_consistency(lf: LightField, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Confidence (H, W) in 0..1 of a disparity map (H, W) of the centre view."""
+    """Confidence (H, W) in 0..1 of a disparity map (H, W) of the centre view, by agreement."""
+    smooth = _differences(lf, disparity)
+    return (1 / (1 + (smooth / TOLERANCE) ** 2)).numpy()
+
+
+@torch.inference_mode()
+def agreement(lf: LightField, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Photo-consistency (H, W) of a map, times its observability."""
+    smooth = _differences(lf, disparity)
+    consistent = 1 / (1 + (smooth / TOLERANCE) ** 2)
+    return (consistent * observability(lf, 2 * smooth)).numpy()
+
+
+def observability(lf: LightField, noise: Tensor) -> Tensor:
+    """(H, W) in 0..1: how well the views tell a disparity.
+
+    Args:
+        noise: (H, W) standard deviation of the views' noise, of samples in 0..1.
+    """
+    centre = lf.centre
+    star = [p for p in star_positions(lf.grid[0]) if p != centre]
+    rows, cols = (sum((p[axis] - centre[axis]) ** 2 for p in star) for axis in (0, 1))
+    gray = torch.from_numpy(np.ascontiguousarray(lf.gray(*centre)))
+    down, across = gradients_of(gray[None, None])[0]
+    variance = noise.square() + QUANTISED**2
+    # Noise itself has differences: half its variance in each direction.
+    texture = rows * down**2 + cols * across**2 - 0.5 * (rows + cols) * variance
+    told, against = box_mean(torch.stack([texture, variance]), WINDOW_PX)
+    deviation_2 = against / (WINDOW_PX**2 * told.clamp_min(1e-12))
+    seen: Tensor = 1 / (1 + deviation_2 / WITHIN_PX**2)
+    return seen
+
+
+@torch.inference_mode()
+def support(lf: LightField, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W) in 0..1: 0 where the picture has texture, and yet the views agree no better under the
+    map than under disparities that are surely wrong; 1 where they do, or where nothing tells."""
+    star = load_star(lf, LONGER_SIDE_PX)
+    small = F.interpolate(
+        torch.from_numpy(np.ascontiguousarray(disparity))[None, None],
+        star.centre.shape,
+        mode="nearest-exact",
+    )[0, 0]
+    small = star.scale * small
+    star = star.rings(float(small.abs().median()))
+    elsewhere = ELSEWHERE_PX / star.radius
+    costs = [match_of_map(star, small + move).cost for move in (0, elsewhere, -elsewhere)]
+    textured = star.textured.float()
+    means = box_mean(torch.stack([textured, *(cost * textured for cost in costs)]), SUPPORT_PX)
+    fit = (means[2] + means[3]) / 2 / means[1].clamp_min(1e-9)
+    kept = ((fit - NO_FIT) / (FIT - NO_FIT)).clamp(0, 1)
+    kept = torch.where(means[0] > 0.3, kept, torch.ones_like(kept))
+    return F.interpolate(kept[None, None], lf.size, mode="bilinear")[0, 0].numpy()
+
+
+def _differences(lf: LightField, disparity: NDArray[np.float32]) -> Tensor:
+    """(H, W) mean difference of the better half of the views under a map, over 3x3 pixels."""
     height, width = disparity.shape
     centre = lf.centre
     star = [p for p in star_positions(lf.grid[0]) if p != centre]
@@ -106,8 +186,7 @@ def photo_consistency(lf: LightField, disparity: NDArray[np.float32]) -> NDArray
             for top in range(0, height, rows)
         ]
     )
-    smooth = box_mean(residual, 3)
-    return (1 / (1 + (smooth / TOLERANCE) ** 2)).numpy()
+    return box_mean(residual, 3)
 
 
 def _residual(

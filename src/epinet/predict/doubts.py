@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from epinet.inspect.alignment import Alignment
-from epinet.inspect.order import check_order
-from epinet.inspect.sweep import largest_searched_px
+from epinet.inspect.disparity_range import NOTHING_MATCHES, DisparityRange
+from epinet.inspect.order import reversed_verdict, sign_votes
+from epinet.inspect.sweep import Star
+from epinet.inspect.views import Look
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import Weights
 
@@ -20,18 +22,16 @@ FAR_OUT_PX = 0.5
 Floats = NDArray[np.float32]
 
 
-def doubts_about_views(lf: LightField, alignment: Alignment | None) -> list[str]:
-    """Of a camera's views: files of any name may number them in another order.
+def doubts_about_views(look: Look | None, alignment: Alignment | None) -> list[str]:
+    """Of views whose order is not known for sure: files of any name may number them otherwise.
 
     Args:
-        lf: the views that the network is to see.
+        look: at the views that the network is to see; None where their order is known.
         alignment: of them, where it was measured.
     """
     doubts = []
-    if lf.captured:
-        order = check_order(lf)
-        if order.is_consistent is False:
-            doubts.append(order.verdict)
+    if look is not None and look.order is not None and look.order.is_consistent is False:
+        doubts.append(look.order.verdict)
     if alignment is not None and alignment.misalignment_px > FAR_OUT_PX:
         doubts.append(
             f"the views stand {alignment.misalignment_px:.2f} px out of place, which was "
@@ -40,41 +40,57 @@ def doubts_about_views(lf: LightField, alignment: Alignment | None) -> list[str]
     return doubts
 
 
-def doubts_about_map(
-    weights: Weights,
-    disparity: Floats,
-    confidence: Floats,
-    searched_px: tuple[float, float] | None,
-    scale: int,
-    measured: bool,
-) -> list[str]:
-    """Of disparities (H, W) and their confidence.
+def wrong_order(look: Look, lf: LightField, disparity: Floats) -> str | None:
+    """What to say where the order is clearly wrong; None otherwise.
 
     Args:
-        searched_px: disparities that the network looked for, in views shrunk by the scale; None
-            from one that is bound to those it was trained for.
-        measured: whether the views told them, rather than the user.
+        lf: the views that the network saw.
+        disparity: (H, W) that it found, whose occlusions tell the sign.
     """
-    doubts = []
+    if look.order is not None:
+        return look.order.verdict if look.order.is_consistent is False else None
+    return reversed_verdict(sign_votes(lf, disparity), lf.order)
+
+
+def doubts_about_search(found: DisparityRange | None, star: Star) -> list[str]:
+    """Of the range of disparities that was measured.
+
+    Args:
+        found: None where nothing tells it.
+        star: that it was measured on.
+    """
+    if found is not None and found.hits_limit:
+        return [
+            f"disparities may exceed the {found.search_px:.0f} px that are looked for: give their "
+            "--range"
+        ]
+    if found is None and star.has_texture:
+        return [NOTHING_MATCHES]
+    return []
+
+
+def doubts_about_map(weights: Weights, disparity: Floats, scale: int) -> list[str]:
+    """Of disparities (H, W) that the network may not know."""
     bounds = weights.disparity_range_px
-    if bounds is not None:
-        low, high = np.percentile(disparity, [1, 99]) / scale
-        if low < bounds[0] or high > bounds[1]:
-            doubts.append(
-                f"disparities of {low:.1f}..{high:.1f} px exceed the {bounds[0]:g}.."
-                f"{bounds[1]:g} px that the weights were trained for: try a larger --scale"
-            )
-    limit = largest_searched_px(min(disparity.shape))
-    if searched_px is not None and measured and scale * max(map(abs, searched_px)) >= limit:
-        doubts.append(
-            f"disparities may exceed the {limit:.0f} px that are looked for: give their --range"
-        )
-    if np.median(confidence) < LOW_CONFIDENCE:
-        doubts.append(
-            "the views disagree under the estimate: is their order right, and are the "
-            "disparities within range? `epinet info` measures both"
-        )
-    return doubts
+    if bounds is None:
+        return []
+    low, high = np.percentile(disparity, [1, 99]) / scale
+    if bounds[0] <= low and high <= bounds[1]:
+        return []
+    return [
+        f"disparities of {low:.1f}..{high:.1f} px exceed the {bounds[0]:g}.."
+        f"{bounds[1]:g} px that the weights were trained for: try a larger --scale"
+    ]
+
+
+def doubts_about_confidence(confidence: Floats) -> list[str]:
+    """Of a map that is mostly not to be trusted."""
+    if np.median(confidence) >= LOW_CONFIDENCE:
+        return []
+    return [
+        "the views disagree under the estimate, or show too little texture: is their order "
+        "right, and are the disparities within range? `epinet info` measures both"
+    ]
 
 
 def doubts_about_range(stated_px: tuple[float, float] | None, beyond: Floats) -> list[str]:

@@ -20,7 +20,9 @@ from epinet.errors import InputError
 from epinet.inspect.alignment import estimate_alignment
 from epinet.inspect.disparity_range import LONGER_SIDE_PX, DisparityRange, range_match
 from epinet.inspect.gains import estimate_gains, even
+from epinet.inspect.spacing import resized, stretched
 from epinet.inspect.sweep import star_of_stacks
+from epinet.inspect.views import Look, look_at
 from epinet.inspect.vignetting import black_corners
 from epinet.io.array import check_range
 from epinet.io.problems import Problems
@@ -38,10 +40,20 @@ from epinet.model.sweepnet import SweepNet, searched
 from epinet.predict.confidence import (
     AGREEMENT,
     PROBABILITY,
+    WITHHELD,
     Calibration,
+    agreement,
     photo_consistency,
+    support,
 )
-from epinet.predict.doubts import doubts_about_map, doubts_about_range, doubts_about_views
+from epinet.predict.doubts import (
+    doubts_about_confidence,
+    doubts_about_map,
+    doubts_about_range,
+    doubts_about_search,
+    doubts_about_views,
+    wrong_order,
+)
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
 from epinet.refine import compensated, refined
@@ -64,6 +76,8 @@ class _Map(NamedTuple):
     """Disparities that the network looked for; None from one bound to those of its training."""
     begun: float
     """When the network began, after all was prepared."""
+    doubts: tuple[str, ...] = ()
+    """Of the range that was measured for it."""
 
 
 class Estimator:
@@ -131,14 +145,24 @@ class Estimator:
         self._check(lf, scale, step, memory_mb, range_px)
         start = time.perf_counter()
         weights, used = self._fitting(lf, step)
+        used = used.brightened()
         refine = lf.captured if refine is None else refine
+        # Only parameters.cfg of a rendered scene vouches for the order.
+        look = None if used.camera is not None and not used.captured else look_at(used)
+        spacing = 1.0 if look is None or look.spacing is None else look.spacing.factor
+        as_read = replace(used, row_spacing=spacing)
+        if spacing != 1:
+            used = stretched(used, spacing)
+        _check_grid(look, lf)
+        wide = max(1.0, spacing)  # pictures are wider by this, and so are disparities
         alignment = estimate_alignment(used) if refine else None
-        views_doubted = doubts_about_views(used, alignment)
+        doubted = doubts_about_views(look, alignment)
         if alignment is not None:
             used = compensated(used, alignment)
         aligned = time.perf_counter()
-        map_ = self._estimate(weights, used, ensemble, scale, range_px, memory_mb, progress)
-        found = enlarge(map_.disparity, scale, lf.size).cpu().numpy()
+        asked_px = range_px and (wide * range_px[0], wide * range_px[1])
+        map_ = self._estimate(weights, used, ensemble, scale, asked_px, memory_mb, progress)
+        found = enlarge(map_.disparity, scale, used.size).cpu().numpy()
         if not np.isfinite(found).all():
             raise InputError(
                 f"{weights.source}: the network gives disparities that are not finite for "
@@ -147,19 +171,37 @@ class Estimator:
         estimated = time.perf_counter()
         if bounded is None:
             bounded = range_px is not None or map_.searched_px is not None
-        stated_px = range_px or (used.camera.disparity_range_px if used.camera else None)
+        stated_px = range_px or (lf.camera.disparity_range_px if lf.camera else None)
         stated_px = stated_px if bounded else None
-        disparity = found if stated_px is None else _within(found, stated_px)
+        disparity = found if stated_px is None else _within(found, stated_px, wide)
         beyond = np.abs(found - disparity)
         expected = None
         if map_.error is None:
-            confidence = photo_consistency(used, disparity)
+            agreed = photo_consistency(used, disparity)
+            confidence = agreement(used, disparity)
         else:
-            expected = enlarge(map_.error, scale, lf.size).cpu().numpy() + beyond
-            confidence = Calibration(**weights.metadata.get(CALIBRATION) or {}).confidence(expected)
+            expected = enlarge(map_.error, scale, used.size).cpu().numpy() + beyond
+            calibration = Calibration(**weights.metadata.get(CALIBRATION) or {})
+            agreed = confidence = calibration.confidence(expected / wide)
+        confidence = confidence * support(used, disparity)
+        means = AGREEMENT if map_.error is None else PROBABILITY
+        if look is not None and (wrong := wrong_order(look, used, disparity)) is not None:
+            doubted = [wrong, *(doubt for doubt in doubted if doubt != wrong)]
+            confidence, means = np.zeros_like(confidence), WITHHELD
+        else:
+            doubted += [*map_.doubts, *doubts_about_confidence(confidence)]
         judged = time.perf_counter()
         if refine:
-            disparity = _refined(used, disparity, confidence)
+            disparity = _refined(used, disparity, agreed)
+        if spacing != 1:
+            disparity, confidence = (resized(m, lf.size) for m in (disparity / wide, confidence))
+            expected = None if expected is None else resized(expected / wide, lf.size)
+            beyond, found = beyond / wide, found / wide
+            used = as_read
+            doubted.append(
+                f"rows are {spacing:.2f} times as far apart as columns (measured); the map is in "
+                "px per adjacent column"
+            )
         used, confidence = _without_corners(used, confidence)
         done = time.perf_counter()
         known_px = map_.searched_px or weights.disparity_range_px
@@ -167,7 +209,7 @@ class Estimator:
             disparity=disparity,
             confidence=confidence,
             expected_error=expected,
-            confidence_means=AGREEMENT if map_.error is None else PROBABILITY,
+            confidence_means=means,
             lightfield=used,
             settings={
                 "ensemble": ensemble,
@@ -176,7 +218,8 @@ class Estimator:
                 "refine": refine,
                 "memory_mb": memory_mb,
                 "device": str(self.device),
-                "range_px": known_px and [round(scale * bound, 2) for bound in known_px],
+                "row_spacing": round(spacing, 4),
+                "range_px": known_px and [round(scale * bound / wide, 2) for bound in known_px],
                 "stated_px": stated_px and list(stated_px),
             },
             weights={"file": weights.source} | weights.metadata | {"file": weights.source},
@@ -189,10 +232,8 @@ class Estimator:
             },
             alignment=alignment,
             warnings=(
-                *views_doubted,
-                *doubts_about_map(
-                    weights, found, confidence, map_.searched_px, scale, range_px is None
-                ),
+                *doubted,
+                *doubts_about_map(weights, found, scale),
                 *doubts_about_range(stated_px, beyond),
             ),
         )
@@ -227,8 +268,10 @@ class Estimator:
         found = None if match is None else DisparityRange.of(star, match)
         low, high = range_px or search_range(found)
         bounds = (low / scale, high / scale)
+        doubts = () if range_px else tuple(doubts_about_search(found, star))
         begun = time.perf_counter()
-        return _Map(*_by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress), bounds, begun)
+        maps = _by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress)
+        return _Map(*maps, bounds, begun, doubts)
 
     def _check(
         self,
@@ -320,9 +363,22 @@ def _by_sweepnet(
     return disparity, error
 
 
-def _within(disparity: NDArray[np.float32], stated_px: tuple[float, float]) -> NDArray[np.float32]:
+def _within(
+    disparity: NDArray[np.float32], stated_px: tuple[float, float], wide: float
+) -> NDArray[np.float32]:
     low, high = stated_px
-    return disparity.clip(low - STATED_TO_PX, high + STATED_TO_PX)
+    return disparity.clip(wide * (low - STATED_TO_PX), wide * (high + STATED_TO_PX))
+
+
+def _check_grid(look: Look | None, lf: LightField) -> None:
+    """Refuse views that were only guessed to be a grid, and are none.
+
+    Raises:
+        InputError: plain numbers of a square count name them, and no arrangement fits.
+    """
+    if look is None or look.order is None or lf.layout != "numbered" or look.order.is_grid:
+        return
+    raise InputError(f"{lf.source or 'light field'}: {look.order.verdict}")
 
 
 def _refined(

@@ -28,6 +28,7 @@ class Settings(_Part):
     """What a result was made with."""
 
     step: Count = 1
+    row_spacing: Annotated[float, Field(gt=0.1, lt=10)] = 1.0
     refine: bool | None = None
     stated_px: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
 

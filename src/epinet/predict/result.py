@@ -16,7 +16,7 @@ from epinet.inspect.alignment import Alignment
 from epinet.io import write_pfm
 from epinet.io.atomic import atomic_folder
 from epinet.io.images import write_png
-from epinet.io.names import strangers
+from epinet.io.names import named_path, strangers
 from epinet.io.problems import listed
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX, score
@@ -55,6 +55,8 @@ class Result:
     seconds: dict[str, float] = field(default_factory=dict)
     request: dict[str, Any] = field(default_factory=dict)
     """What was asked for, where a batch asked: the same request need not run again."""
+    input_sha256: str | None = None
+    """Of the light field's files, where a batch read them."""
     warnings: tuple[str, ...] = ()
     alignment: Alignment | None = None
     """Of the views as they were read, where it was measured; `lightfield` is compensated."""
@@ -83,7 +85,8 @@ class Result:
         low, high = np.percentile(self.disparity, [1, 99])
         return {
             "epinet": __version__,
-            "input": None if lf.source is None else str(lf.source.resolve()),
+            "input": None if lf.source is None else str(named_path(lf.source)),
+            "input_sha256": self.input_sha256,
             "layout": lf.layout,
             "order": list(lf.order),
             "views_used": list(lf.grid),

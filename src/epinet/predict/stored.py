@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,11 @@ class StoredResult:
         return self.disparity.shape[0], self.disparity.shape[1]
 
     @property
+    def step(self) -> int:
+        """The disparity is per so many adjacent views."""
+        return self.run.settings.step
+
+    @property
     def camera_facts(self) -> CameraFacts:
         """What run.json says of the camera, which may be nothing.
 
@@ -70,8 +75,10 @@ class StoredResult:
             flip_rows=flip_rows, flip_cols=flip_cols, transpose=transpose
         )
         settings = self.run.settings
-        lf = lf.central(self.run.views_used[0], settings.step)
+        lf = lf.central(self.run.views_used[0], settings.step).brightened()
         self._check_same(lf, source)
+        if settings.row_spacing != 1:
+            return replace(lf, row_spacing=settings.row_spacing)
         alignment = estimate_alignment(lf) if settings.refine else None
         return lf if alignment is None else compensated(lf, alignment)
 
