@@ -11,10 +11,19 @@ from epinet.train.log import Log
 
 def test_a_log_goes_on_from_a_step_whatever_stands_in_it(tmp_path):
     good = [json.dumps({"step": step, "loss": 1 / (step + 1)}) for step in (0, 20, 40)]
-    bad = ["[" * 50_000, '{"step": 1' + "0" * 400 + "}", '{"step": NaN}', "[]", '{"step": "20"}']
+    bad = [
+        "[" * 50_000,
+        '{"step": 1' + "0" * 400 + "}",
+        '{"step": NaN}',
+        "[]",
+        '{"step": "20"}',
+        '{"step": 20, "note": "\xff"}',
+    ]
     lines = [*good[:2], *bad, good[2]]
     unfinished = b'{"step": 20, "lo\xff'
-    (tmp_path / "log.jsonl").write_bytes("".join(f"{x}\n" for x in lines).encode() + unfinished)
+    (tmp_path / "log.jsonl").write_bytes(
+        "".join(f"{x}\n" for x in lines).encode("latin-1") + unfinished
+    )
     with Log(tmp_path, 20) as log:
         log.write(21, {"loss": 2.0})
     kept = (tmp_path / "log.jsonl").read_text().splitlines()

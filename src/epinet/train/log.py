@@ -100,6 +100,6 @@ class _Entry(BaseModel):
 def _step(line: bytes) -> float:
     """Step of an entry; a line that a killed process left unfinished goes."""
     try:
-        return validated(_Entry, parse_json(line, "line"), "line").step
-    except InputError:
+        return validated(_Entry, parse_json(line.decode("utf-8"), "line"), "line").step
+    except (InputError, UnicodeDecodeError):
         return float("inf")
