@@ -9,7 +9,7 @@ from epinet.errors import InputError
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import Weights
 from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.predict.confidence import photo_consistency
+from epinet.predict.confidence import Calibration, agreement, photo_consistency, support
 from epinet.predict.estimator import Estimator, enlarge, shrink
 from epinet.predict.tiling import even_tiles, pad_views, run_tiled, tile_side_px
 from epinet.synth.generator import render_scene
@@ -148,6 +148,27 @@ def test_confidence_prefers_the_truth(scene):
     assert np.median(right) > 0.9
     for wrong in (scene.truth + 0.5, -scene.truth):
         assert photo_consistency(scene, wrong).mean() < right.mean() - 0.05
+
+
+@pytest.mark.parametrize(("level", "noise"), [(0.5, 0), (1, 0), (1e-40, 0), (0.5, 0.02)])
+def test_nothing_is_sure_where_there_is_no_texture(level, noise):
+    """Any disparity agrees there; noise is no texture either."""
+    views = np.full((5, 5, 40, 48, 1), level, np.float32)
+    views += np.random.default_rng(0).normal(0, noise, views.shape).astype(np.float32)
+    flat = LightField(views.clip(0, 1))
+    assert np.median(agreement(flat, np.zeros((40, 48), np.float32))) < 0.3
+
+
+def test_texture_that_matches_nowhere_near_is_no_support(scene):
+    assert np.median(support(scene, scene.truth)) == 1
+    elsewhere = scene.truth + np.float32(3)
+    assert np.median(support(scene, elsewhere)) < 0.5
+
+
+def test_an_expected_error_without_bound_is_no_confidence():
+    with np.errstate(all="raise"):
+        sure = Calibration(0.07, 30.0).confidence(np.float32([0, 1e30, np.inf]))
+    assert sure.tolist() == [1, 0, 0]
 
 
 def test_confidence_in_bands_equals_confidence_at_once(scene, monkeypatch):

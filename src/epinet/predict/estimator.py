@@ -171,7 +171,7 @@ class Estimator:
         estimated = time.perf_counter()
         if bounded is None:
             bounded = range_px is not None or map_.searched_px is not None
-        stated_px = range_px or (lf.camera.disparity_range_px if lf.camera else None)
+        stated_px = range_px or (as_read.camera.disparity_range_px if as_read.camera else None)
         stated_px = stated_px if bounded else None
         disparity = found if stated_px is None else _within(found, stated_px, wide)
         beyond = np.abs(found - disparity)
