@@ -5,63 +5,34 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F
 
 from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
-from epinet.inspect.alignment import estimate_alignment
 from epinet.inspect.disparity_range import LONGER_SIDE_PX, DisparityRange, range_match
 from epinet.inspect.gains import estimate_gains, even
-from epinet.inspect.spacing import resized, stretched
 from epinet.inspect.sweep import star_of_stacks
-from epinet.inspect.views import Look, look_at
-from epinet.inspect.vignetting import black_corners
 from epinet.io.array import check_range
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import (
-    CALIBRATION,
-    DEFAULT_MODEL,
-    Weights,
-    load_weights,
-    shipped_weights,
-)
+from epinet.model.checkpoint import DEFAULT_MODEL, Weights, load_weights, shipped_weights
 from epinet.model.contrast import local_contrast
 from epinet.model.epinet import Epinet
 from epinet.model.sweepnet import SweepNet, searched
-from epinet.predict.confidence import (
-    AGREEMENT,
-    PROBABILITY,
-    WITHHELD,
-    Calibration,
-    agreement,
-    photo_consistency,
-    support,
-)
-from epinet.predict.doubts import (
-    doubts_about_confidence,
-    doubts_about_map,
-    doubts_about_range,
-    doubts_about_search,
-    doubts_about_views,
-    wrong_order,
-)
+from epinet.predict.doubts import doubts_about_search
+from epinet.predict.judgement import as_read, judge, smoothed
+from epinet.predict.preparation import prepare
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
-from epinet.refine import compensated, refined
 from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1536.0
-STATED_TO_PX = 0.1
-"""Ranges of disparities are stated to this."""
 
 Progress = Callable[[float], None]
 
@@ -145,72 +116,35 @@ class Estimator:
         self._check(lf, scale, step, memory_mb, range_px)
         start = time.perf_counter()
         weights, used = self._fitting(lf, step)
-        used = used.brightened()
         refine = lf.captured if refine is None else refine
-        # Only parameters.cfg of a rendered scene vouches for the order.
-        look = None if used.camera is not None and not used.captured else look_at(used)
-        spacing = 1.0 if look is None or look.spacing is None else look.spacing.factor
-        as_read = replace(used, row_spacing=spacing)
-        if spacing != 1:
-            used = stretched(used, spacing)
-        _check_grid(look, lf)
-        wide = max(1.0, spacing)  # pictures are wider by this, and so are disparities
-        alignment = estimate_alignment(used) if refine else None
-        doubted = doubts_about_views(look, alignment)
-        if alignment is not None:
-            used = compensated(used, alignment)
-        aligned = time.perf_counter()
-        asked_px = range_px and (wide * range_px[0], wide * range_px[1])
-        map_ = self._estimate(weights, used, ensemble, scale, asked_px, memory_mb, progress)
-        found = enlarge(map_.disparity, scale, used.size).cpu().numpy()
-        if not np.isfinite(found).all():
-            raise InputError(
-                f"{weights.source}: the network gives disparities that are not finite for "
-                f"{lf.source or 'this light field'}; take other weights"
-            )
+        views = prepare(used, refine)
+        larger, size = views.enlargement, views.seen.size
+        prepared = time.perf_counter()
+        asked_px = range_px and (larger * range_px[0], larger * range_px[1])
+        map_ = self._estimate(weights, views.seen, ensemble, scale, asked_px, memory_mb, progress)
+        found = enlarge(map_.disparity, scale, size).cpu().numpy()
+        error = None if map_.error is None else enlarge(map_.error, scale, size).cpu().numpy()
         estimated = time.perf_counter()
         if bounded is None:
             bounded = range_px is not None or map_.searched_px is not None
-        stated_px = range_px or (as_read.camera.disparity_range_px if as_read.camera else None)
+        camera = views.as_read.camera
+        stated_px = range_px or (camera.disparity_range_px if camera else None)
         stated_px = stated_px if bounded else None
-        disparity = found if stated_px is None else _within(found, stated_px, wide)
-        beyond = np.abs(found - disparity)
-        expected = None
-        if map_.error is None:
-            agreed = photo_consistency(used, disparity)
-            confidence = agreement(used, disparity)
-        else:
-            expected = enlarge(map_.error, scale, used.size).cpu().numpy() + beyond
-            calibration = Calibration(**weights.metadata.get(CALIBRATION) or {})
-            agreed = confidence = calibration.confidence(expected / wide)
-        confidence = confidence * support(used, disparity)
-        means = AGREEMENT if map_.error is None else PROBABILITY
-        if look is not None and (wrong := wrong_order(look, used, disparity)) is not None:
-            doubted = [wrong, *(doubt for doubt in doubted if doubt != wrong)]
-            confidence, means = np.zeros_like(confidence), WITHHELD
-        else:
-            doubted += [*map_.doubts, *doubts_about_confidence(confidence)]
-        judged = time.perf_counter()
+        judged = judge(
+            views, weights, found, error, scale=scale, stated_px=stated_px, doubted=map_.doubts
+        )
+        judged_at = time.perf_counter()
         if refine:
-            disparity = _refined(used, disparity, agreed)
-        if spacing != 1:
-            disparity, confidence = (resized(m, lf.size) for m in (disparity / wide, confidence))
-            expected = None if expected is None else resized(expected / wide, lf.size)
-            beyond, found = beyond / wide, found / wide
-            used = as_read
-            doubted.append(
-                f"rows are {spacing:.2f} times as far apart as columns (measured); the map is in "
-                "px per adjacent column"
-            )
-        used, confidence = _without_corners(used, confidence)
+            judged = smoothed(judged, views.seen)
+        judged, shown = as_read(judged, views)
         done = time.perf_counter()
         known_px = map_.searched_px or weights.disparity_range_px
         return Result(
-            disparity=disparity,
-            confidence=confidence,
-            expected_error=expected,
-            confidence_means=means,
-            lightfield=used,
+            disparity=judged.disparity,
+            confidence=judged.confidence,
+            expected_error=judged.expected_error,
+            confidence_means=judged.confidence_means,
+            lightfield=shown,
             settings={
                 "ensemble": ensemble,
                 "scale": scale,
@@ -218,24 +152,20 @@ class Estimator:
                 "refine": refine,
                 "memory_mb": memory_mb,
                 "device": str(self.device),
-                "row_spacing": round(spacing, 4),
-                "range_px": known_px and [round(scale * bound / wide, 2) for bound in known_px],
+                "row_spacing": round(views.as_read.row_spacing, 4),
+                "range_px": known_px and [round(scale * bound / larger, 2) for bound in known_px],
                 "stated_px": stated_px and list(stated_px),
             },
             weights={"file": weights.source} | weights.metadata | {"file": weights.source},
             seconds={
-                "align": aligned - start,
-                "prepare": map_.begun - aligned,
+                "align": prepared - start,
+                "prepare": map_.begun - prepared,
                 "network": estimated - map_.begun,
-                "confidence": judged - estimated,
-                "refine": done - judged,
+                "confidence": judged_at - estimated,
+                "refine": done - judged_at,
             },
-            alignment=alignment,
-            warnings=(
-                *doubted,
-                *doubts_about_map(weights, found, scale),
-                *doubts_about_range(stated_px, beyond),
-            ),
+            alignment=views.alignment,
+            warnings=judged.warnings,
         )
 
     def _estimate(
@@ -361,46 +291,6 @@ def _by_sweepnet(
 
     disparity, error = _averaged(run, stacks, ensemble, progress)
     return disparity, error
-
-
-def _within(
-    disparity: NDArray[np.float32], stated_px: tuple[float, float], wide: float
-) -> NDArray[np.float32]:
-    low, high = stated_px
-    return disparity.clip(wide * (low - STATED_TO_PX), wide * (high + STATED_TO_PX))
-
-
-def _check_grid(look: Look | None, lf: LightField) -> None:
-    """Refuse views that were only guessed to be a grid, and are none.
-
-    Raises:
-        InputError: plain numbers of a square count name them, and no arrangement fits.
-    """
-    if look is None or look.order is None or lf.layout != "numbered" or look.order.is_grid:
-        return
-    raise InputError(f"{lf.source or 'light field'}: {look.order.verdict}")
-
-
-def _refined(
-    lf: LightField, disparity: NDArray[np.float32], confidence: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    guide = lf.unit(*lf.centre)
-    images = (torch.from_numpy(np.ascontiguousarray(i)) for i in (disparity, guide, confidence))
-    return refined(*images).numpy()
-
-
-def _without_corners(
-    lf: LightField, confidence: NDArray[np.float32]
-) -> tuple[LightField, NDArray[np.float32]]:
-    """No confidence in what the camera left black; and a note of it, where that is anything."""
-    black = black_corners(lf)
-    if not black.any():
-        return lf, confidence
-    note = (
-        f"{100 * black.mean():.1f} % of the picture, its corners, are black in every view: nothing "
-        "is known there, and the confidence is 0"
-    )
-    return replace(lf, notes=(*lf.notes, note)), np.where(black, np.float32(0), confidence)
 
 
 def _averaged(
