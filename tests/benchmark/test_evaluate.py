@@ -3,14 +3,17 @@
 import json
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from epinet.benchmark.evaluate import Method, enlarge, evaluate
 from epinet.benchmark.maps import MapFile, find_maps
 from epinet.benchmark.methods import named_targets, prepare
 from epinet.benchmark.page import render
 from epinet.benchmark.scenes import find_scenes
+from epinet.benchmark.signs import opposite_signs
 from epinet.benchmark.table import as_json, text_tables
 from epinet.errors import InputError
 from epinet.io import read_light_field, write_light_field, write_pfm
@@ -137,7 +140,6 @@ def test_scenes_are_found_alone_together_and_in_categories(tmp_path, add_scene):
 
 def test_everything_wrong_with_scenes_is_told_at_once(tmp_path, add_scene):
     add_scene("nan", np.full(SIZE, np.nan))
-    (add_scene("bare") / "gt_disp_lowres.pfm").unlink()
     add_scene("odd", high=np.zeros((81, 96)))
     add_scene("x/twin")
     add_scene("y/twin")
@@ -146,17 +148,119 @@ def test_everything_wrong_with_scenes_is_told_at_once(tmp_path, add_scene):
     text = str(caught.value)
     for problem in (
         r"nan/gt_disp_lowres.pfm: truth is NaN at every pixel",
-        r"bare: no truth",
         r"odd/gt_disp_highres.pfm: 96x81 px",
         r"x/twin and",
     ):
         assert problem in text
-    assert len(caught.value.problems) == 4
-    with pytest.raises(InputError, match="scene boxes: not there; there are bare"):
+    assert len(caught.value.problems) == 3
+    with pytest.raises(InputError, match="scene boxes: not there; there are nan"):
         find_scenes(tmp_path / "data", ["boxes"])
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="no scene in it"):
         find_scenes(tmp_path / "empty")
+
+
+def without_truth(folder):
+    (folder / "gt_disp_lowres.pfm").unlink()
+    write_png(folder / "input_Cam000.png", np.zeros((*SIZE, 3), np.uint8))
+
+
+def test_scenes_without_truth_are_left_out_unless_asked_for(tmp_path, add_scene):
+    """As in the benchmark's tree, where test/ has none; a folder beside a scene's has none, too."""
+    data, notes = tmp_path / "data", []
+    add_scene("training/boxes")
+    for name in ("test/herbs", "views/boxes"):
+        without_truth(add_scene(name))
+    assert [scene.name for scene in find_scenes(data, say=notes.append)] == ["boxes"]
+    assert notes == ["left out: herbs (no truth: gt_disp_lowres.pfm is missing)"]
+    with pytest.raises(InputError, match="herbs: no truth to score against"):
+        find_scenes(data, ["boxes", "herbs"])
+    with pytest.raises(InputError, match="herbs: no truth to score against"):
+        find_scenes(data / "test")
+
+
+def test_scenes_and_maps_that_are_not_on_both_sides_are_left_out(tmp_path, add_scene):
+    for name in "abc":
+        add_scene(name)
+    for method, names in {"one": "abx", "two": "bcy", "three": "c"}.items():
+        for name in names:
+            write_pfm(tmp_path / method / f"{name}.pfm", np.zeros(SIZE))
+    one, two, three = (str(tmp_path / method) for method in ("one", "two", "three"))
+    notes = []
+    prepared = prepare([one, two], tmp_path / "data", say=notes.append)
+    assert [scene.name for scene in prepared.scenes] == ["b"]
+    assert notes == [
+        f"left out: c (no maps of them in {one})",
+        f"left out: a (no maps of them in {two})",
+        f"left out: maps of a, x in {one} (the scenes are b)",
+        f"left out: maps of c, y in {two} (the scenes are b)",
+    ]
+    with pytest.raises(InputError, match=r"one: no map of scene c"):
+        prepare([one], tmp_path / "data", ["b", "c"])
+    with pytest.raises(InputError, match=r"three: no map of scene a") as caught:
+        prepare([one, three], tmp_path / "data")
+    assert len(caught.value.problems) == 2
+
+
+def test_maps_of_the_reference_code_lack_a_border(tmp_path, add_scene):
+    """11 px on each side, which the network does not see: they count as without an estimate."""
+    truth = np.full((60, 70), 0.5, np.float32)
+    add_scene("a", truth)
+    write_pfm(tmp_path / "maps" / "a.pfm", truth[11:-11, 11:-11])
+    notes = []
+    prepared = prepare([str(tmp_path / "maps")], tmp_path / "data", say=notes.append)
+    assert "the maps of a in " in notes[0] and "11 px on each side" in notes[0]
+    methods = list(prepared.methods.values())
+    for border_px, bad in ((15, 0.0), (10, 100 * (1 - 38 * 48 / (40 * 50)))):
+        scored = evaluate(methods, prepared.scenes, benchmark_metrics(), border_px=border_px)
+        for id_ in ("badpix_0.07", "missing"):
+            assert scored.scores["maps", "a", id_].value == pytest.approx(bad)
+    with pytest.raises(InputError, match="are not finite; fill in an estimate"):
+        find_maps(tmp_path / "maps", {"a": (60, 70)}, complete=True)
+    write_pfm(tmp_path / "maps" / "a.pfm", truth[10:-10, 11:-11])
+    with pytest.raises(InputError, match="the map is 48x40 px, it must be 70x60 px"):
+        find_maps(tmp_path / "maps", {"a": (60, 70)})
+
+
+def write_v73(path, **arrays):
+    with h5py.File(path, "w") as file:
+        for name, array in arrays.items():
+            file[name] = np.asarray(array).T
+
+
+@pytest.mark.parametrize("write", [lambda path, **arrays: savemat(path, arrays), write_v73])
+def test_a_map_may_be_the_only_image_of_a_mat_file(tmp_path, write):
+    write(tmp_path / "a.mat", estimate=MAP.astype(float), seconds=[[2.0]], views=np.zeros((2,) * 4))
+    file = find_maps(tmp_path, {"a": SIZE})["a"]
+    np.testing.assert_array_equal(file.read(SIZE), MAP)
+    write(tmp_path / "a.mat", estimate=MAP, truth=MAP)
+    with pytest.raises(InputError, match=r"the only \(H, W\) array .* estimate \(40, 48\), truth"):
+        find_maps(tmp_path, {"a": SIZE})
+    write(tmp_path / "a.mat", seconds=[[2.0]])
+    with pytest.raises(InputError, match=r"the only \(H, W\) array .* seconds \(1, 1\)"):
+        find_maps(tmp_path, {"a": SIZE})
+    write_pfm(tmp_path / "a.pfm", MAP)
+    assert find_maps(tmp_path, {"a": SIZE})["a"].path.suffix == ".pfm"
+
+
+def test_maps_of_opposite_sign_get_a_hint(add_scene, evaluated):
+    for name in "abc":
+        add_scene(name, MAP)
+    noise = RNG.normal(0, 0.2, SIZE)
+    maps = {
+        "opposite": dict.fromkeys("abc", -MAP + noise),
+        "mostly": {"a": -MAP, "b": -MAP, "c": MAP},
+        "seldom": {"a": -MAP, "b": MAP, "c": MAP},
+        "noisy": dict.fromkeys("abc", MAP + 5 * noise),
+        "flat": dict.fromkeys("abc", np.zeros(SIZE)),
+        "none": dict.fromkeys("abc", np.full(SIZE, np.nan)),
+    }
+    hints = opposite_signs(evaluated(maps))
+    assert [hint.split(" seem ")[0] for hint in hints] == [
+        "hint: the maps of opposite",
+        "hint: the maps of mostly",
+    ]
+    assert "those of a, b come much nearer" in hints[1]
 
 
 def test_masks_of_another_size_are_told(add_scene, evaluated):
@@ -211,7 +315,6 @@ def test_maps_say_whether_they_were_kept_within_the_stated_range(tmp_path, add_s
 def test_everything_wrong_with_maps_is_told_at_once(tmp_path):
     write_pfm(tmp_path / "small.pfm", MAP[2:])
     write_pfm(tmp_path / "colour.pfm", np.zeros((*SIZE, 3)))
-    write_pfm(tmp_path / "stranger.pfm", MAP)
     write_pfm(tmp_path / "twice.pfm", MAP)
     np.save(tmp_path / "twice.npy", MAP)
     np.save(tmp_path / "complex.npy", MAP * 1j)
@@ -221,12 +324,11 @@ def test_everything_wrong_with_maps_is_told_at_once(tmp_path):
     (tmp_path / "runtimes" / "slow.txt").write_text("ages")
     names = ("small", "colour", "twice", "complex", "step", "slow", "none")
     with pytest.raises(InputError) as caught:
-        find_maps(tmp_path, dict.fromkeys(names, SIZE), others=["other"])
+        find_maps(tmp_path, dict.fromkeys(names, SIZE))
     text = str(caught.value)
     for problem in (
         "small.pfm: the map is 48x38 px, it must be 48x40 px",
         "colour.pfm: in colour",
-        "stranger.pfm: no scene is named stranger",
         "more than one map of scene twice",
         "complex.npy: a map must be one (H, W) array of numbers",
         "run.json: predicted with --step 2",
@@ -234,7 +336,7 @@ def test_everything_wrong_with_maps_is_told_at_once(tmp_path):
         "no map of scene none",
     ):
         assert problem in text
-    assert len(caught.value.problems) == 8
+    assert len(caught.value.problems) == 7
 
 
 def test_a_folder_without_maps_is_told(tmp_path):
@@ -265,26 +367,17 @@ def test_one_name_twice_hides_nothing_else(tmp_path, add_scene):
     assert "in colour" in colour
 
 
-def test_maps_of_the_benchmark_without_truth_here_are_passed_over(tmp_path, add_scene):
-    """A whole submission is scored on the scenes whose truth is public."""
-    add_scene("boxes")
-    for name in ("boxes", "bedroom"):
-        write_pfm(tmp_path / "maps" / f"{name}.pfm", np.zeros(SIZE))
-    prepared = prepare([str(tmp_path / "maps")], tmp_path / "data")
-    assert list(prepared.methods["maps"].maps) == ["boxes"]
-    write_pfm(tmp_path / "maps" / "stranger.pfm", np.zeros(SIZE))
-    with pytest.raises(InputError, match="no scene is named stranger"):
-        prepare([str(tmp_path / "maps")], tmp_path / "data")
-
-
 def test_views_are_checked_before_a_model_runs(tmp_path, add_scene):
     (add_scene("blind") / "input_Cam040.png").unlink()
     write_png(add_scene("small") / "input_Cam000.png", np.zeros((9, 8, 3), np.uint8))
+    notes = []
     with pytest.raises(InputError) as caught:
-        prepare(["sweepnet"], tmp_path / "data", border_px=0)
-    blind, small = caught.value.problems
-    assert "blind: no views in it for a model to see" in blind
+        prepare(["sweepnet"], tmp_path / "data", border_px=0, say=notes.append)
+    (small,) = caught.value.problems
+    assert notes == ["left out: blind (no views for sweepnet to see)"]
     assert "small: views of 8x9 px; its truth has" in small
+    with pytest.raises(InputError, match="blind: no views in it for a model to see"):
+        prepare(["sweepnet"], tmp_path / "data", ["blind"], border_px=0)
 
 
 @pytest.mark.parametrize("scale", [-2.0, 0.25])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.documents import validated
 from epinet.errors import InputError
+from epinet.io.mat import read_only_map
 from epinet.io.names import folder_name, is_shown
 from epinet.io.numpy_file import read_npy
 from epinet.io.pfm import read_pfm
@@ -26,9 +26,12 @@ from epinet.texts import decoded
 Size = tuple[int, int]
 """(height, width) in pixels."""
 
-SUFFIXES = (".pfm", ".npy")
+SUFFIXES = (".pfm", ".npy", ".mat")
 MAPS_FOLDER, RUNTIMES_FOLDER = "disp_maps", "runtimes"
 """Where the benchmark's submissions have them."""
+
+CUT_PX = 11
+"""What the reference code of EPINET leaves out on each side: the network sees no more."""
 
 _RESULT_MAPS = ("disparity.pfm", "disparity.npy")
 _MOST_BYTES = 2**16
@@ -51,13 +54,32 @@ class MapFile:
     def read(self, size: Size) -> NDArray[np.float32]:
         """(H, W) in px per adjacent view; not finite where there is no estimate.
 
+        A map that lacks `CUT_PX` on each side has no estimate there.
+
         Raises:
             InputError: it is in colour, of another size, or cannot be read.
         """
-        is_pfm = self.path.suffix.lower() == ".pfm"
-        map_ = read_pfm(self.path) if is_pfm else _read_npy(self.path)
+        map_ = self.stored()
+        if is_cut(map_, size):
+            map_ = np.pad(map_, CUT_PX, constant_values=np.nan)
         check_map(map_, size, self.path)
         return map_
+
+    def stored(self) -> NDArray[np.float32]:
+        """The map as the file has it, of any size.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        suffix = self.path.suffix.lower()
+        if suffix == ".pfm":
+            return read_pfm(self.path)
+        return read_only_map(self.path) if suffix == ".mat" else _read_npy(self.path)
+
+
+def is_cut(map_: NDArray[Any], size: Size) -> bool:
+    """Whether a map lacks `CUT_PX` on each side of what it must be."""
+    return map_.shape == (size[0] - 2 * CUT_PX, size[1] - 2 * CUT_PX)
 
 
 def check_map(map_: NDArray[Any], size: Size, path: Path | str) -> None:
@@ -88,24 +110,22 @@ def missing_values(map_: NDArray[Any], path: Path | str) -> list[str]:
 def find_maps(
     folder: Path,
     sizes: Mapping[str, Size],
-    others: Collection[str] | None = (),
     *,
     complete: bool = False,
+    say: Callable[[str], None] = lambda line: None,
 ) -> dict[str, MapFile]:
     """The map of each scene, each read once to check it.
 
     Args:
-        folder: holds `<scene>.pfm` or `<scene>.npy` (perhaps in `disp_maps`), or result folders
+        folder: holds `<scene>.pfm`, `.npy` or `.mat` (perhaps in `disp_maps`), or result folders
             `<scene>` of `epinet predict`, or is such a result folder; run times may stand in
             `runtimes/<scene>.txt`.
         sizes: (height, width) in px of the scenes that need a map, by name.
-        others: names of scenes whose maps are passed over, as those of the benchmark's scenes are;
-            None passes over all others.
         complete: whether every pixel must have an estimate, and every map a run time.
+        say: told which maps are left out, since they are of other scenes, and which are cut.
 
     Raises:
-        InputError: all maps that are missing, ambiguous, of no known scene, of the wrong size or
-            cannot be read.
+        InputError: all maps that are missing, ambiguous, of the wrong size or cannot be read.
     """
     if not folder.is_dir():
         what = "a file" if folder.exists() else "no such folder"
@@ -115,19 +135,22 @@ def find_maps(
     candidates = _candidates(folder)
     if not candidates:
         raise InputError(
-            f"{folder}: no maps in it; expected <scene>.pfm, <scene>.npy or folders of results"
+            f"{folder}: no maps in it; expected <scene>.pfm, .npy or .mat, or folders of results"
         )
+    others = sorted(set(candidates) - set(sizes))
+    if others and sizes:
+        known = listed(sorted(sizes), 12)
+        say(f"left out: maps of {listed(others, 12)} in {folder} (the scenes are {known})")
     problems = Problems()
-    for name, paths in candidates.items():
-        if others is not None and name not in {*sizes, *others, *BENCHMARK_SCENES}:
-            known = listed(sorted({*sizes, *others}), 12)
-            problems.append(f"{paths[0]}: no scene is named {name}; there are {known}")
     found = {}
+    cut = []
     for name, size in sizes.items():
         with problems.gather():
             file = MapFile(_map_of(folder, name, candidates.get(name, [])))
             with problems.gather():
                 map_ = file.read(size)
+                if not np.isfinite(map_[:CUT_PX]).any() and is_cut(file.stored(), size):
+                    cut.append(name)
                 if complete:
                     problems += missing_values(map_, file.path)
             file = _recorded(file)
@@ -138,7 +161,17 @@ def find_maps(
                     f"{RUNTIMES_FOLDER}/{name}.txt in the folder of the maps"
                 )
     problems.raise_any()
+    if cut:
+        say(
+            f"note: the maps of {listed(cut, 12)} in {folder} lack {CUT_PX} px on each side, as "
+            "those of EPINET's reference code do; these pixels count as without an estimate"
+        )
     return found
+
+
+def scenes_with_maps(folder: Path) -> set[str]:
+    """Names of the scenes whose maps a folder holds; none where it is no folder."""
+    return set(_candidates(folder)) if folder.is_dir() else set()
 
 
 def _candidates(folder: Path) -> dict[str, list[Path]]:
@@ -159,9 +192,10 @@ def _candidates(folder: Path) -> dict[str, list[Path]]:
 def _map_of(folder: Path, name: str, paths: list[Path]) -> Path:
     if not paths:
         raise InputError(
-            f"{folder}: no map of scene {name}; expected {name}.pfm, {name}.npy or "
+            f"{folder}: no map of scene {name}; expected {name}.pfm, {name}.npy, {name}.mat or "
             f"{name}/disparity.pfm"
         )
+    paths = [path for path in paths if path.suffix.lower() != ".mat"] or paths
     if len(paths) > 1:
         both = " and ".join(str(path) for path in paths)
         raise InputError(f"{both}: more than one map of scene {name}; remove one")

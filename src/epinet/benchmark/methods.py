@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from epinet.benchmark.evaluate import Method
-from epinet.benchmark.maps import MapFile, Size, find_maps, result_map
+from epinet.benchmark.maps import MapFile, Size, find_maps, result_map, scenes_with_maps
 from epinet.benchmark.scenes import (
     BENCHMARK_SCENES,
     BENCHMARK_SIDE_PX,
@@ -20,7 +20,7 @@ from epinet.errors import InputError
 from epinet.io.atomic import check_writable
 from epinet.io.images import image_files, read_image
 from epinet.io.names import folder_name
-from epinet.io.problems import Problems
+from epinet.io.problems import Problems, listed
 from epinet.metrics.disparity import BORDER_PX
 from epinet.metrics.metric import Comparison, Metric, Resolution
 from epinet.model.checkpoint import MODELS, shipped_weights
@@ -109,25 +109,31 @@ def prepare(
     *,
     border_px: int = BORDER_PX,
     device: str | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Prepared:
     """Find and check scenes and methods.
 
     Args:
         texts: the methods, see `named_targets`.
         data: a scene with truth, or a folder of them.
-        scene_names: of the scenes meant; none means all.
+        scene_names: of the scenes meant; none means all with truth and a map by every method.
         metrics: whose masks must be usable where they are.
         border_px: will be left out on each side; something must remain.
         device: to run models on; None takes a GPU where there is one.
+        say: told which scenes and maps are left out.
 
     Raises:
-        InputError: all that is wrong with any scene, map or model.
+        InputError: all that is wrong with any scene, map or model, a scene asked for that lacks
+            truth or a map, and no scene that is left.
     """
     problems = Problems()
     found: dict[str, list[Path]] = {}
     with problems.gather():
         found = scene_folders(data)
-    scenes = gather_scenes(found, scene_names, problems)
+    targets = named_targets(texts)
+    scenes = gather_scenes(found, scene_names, problems, say)
+    if not scene_names:
+        scenes = _with_estimates(scenes, targets, say)
     for scene in scenes:
         _check_pictures(scene, metrics, problems)
     problems += [
@@ -138,7 +144,6 @@ def prepare(
     ]
     methods: dict[str, Method] = {}
     models: dict[str, Estimator] = {}
-    targets = named_targets(texts)
     names = tuple(target.name for target in targets)
     problems += [
         f"method {name}: given more than once; tell them apart by NAME=..."
@@ -155,11 +160,33 @@ def prepare(
             elif found:
                 folder = Path(target.what)
                 sizes = {scene.name: scene.size for scene in scenes}
-                one_of_many = bool(scene_names) or [data] in found.values()
-                maps = find_maps(folder, sizes, None if one_of_many else found)
+                maps = find_maps(folder, sizes, say=say)
                 methods[target.name] = Method(target.name, str(folder.resolve()), maps)
     problems.raise_any()
     return Prepared(tuple(scenes), names, methods, models)
+
+
+def _with_estimates(
+    scenes: list[Scene], targets: Sequence[Target], say: Callable[[str], None]
+) -> list[Scene]:
+    """Those of the scenes that every method has maps of, or views to see.
+
+    A method that has none of them leaves all, so that it is told what it lacks.
+    """
+    for target in targets:
+        folder = Path(target.what)
+        if target.is_model:
+            having = [scene for scene in scenes if image_files(scene.folder)]
+            why = f"no views for {target.name} to see"
+        else:
+            held = scenes_with_maps(folder)
+            having = [scene for scene in scenes if scene.name in held]
+            why = f"no maps of them in {folder}"
+        if having and len(having) < len(scenes):
+            lacking = [scene.name for scene in scenes if scene not in having]
+            say(f"left out: {listed(lacking, 12)} ({why})")
+            scenes = having
+    return scenes
 
 
 def _check_pictures(scene: Scene, metrics: Sequence[Metric], problems: Problems) -> None:
@@ -208,6 +235,7 @@ def maps_to_submit(
     *,
     device: str | None = None,
     progress: Progress,
+    say: Callable[[str], None] = lambda line: None,
 ) -> dict[str, MapFile]:
     """Maps of the benchmark's 12 scenes with run times, from a folder or by running a model.
 
@@ -218,13 +246,15 @@ def maps_to_submit(
         output: the zip that they are for; where it cannot be written, no model is run.
         device: to run a model on; None takes a GPU where there is one.
         progress: told of the model's work.
+        say: told which maps are left out.
 
     Raises:
         InputError: all scenes or maps that are missing or cannot be used, or an unwritable path.
     """
     target, size = Target("submission", what), (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
     if not target.is_model:
-        return find_maps(Path(what), dict.fromkeys(BENCHMARK_SCENES, size), complete=True)
+        sizes = dict.fromkeys(BENCHMARK_SCENES, size)
+        return find_maps(Path(what), sizes, complete=True, say=say)
     if data is None:
         raise InputError(f"{what}: a model needs the scenes; give their folder as --data")
     found = scene_folders(data)

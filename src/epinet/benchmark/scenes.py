@@ -5,7 +5,7 @@ Of a scene only the truth must be there: views, camera and masks are used where 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -173,37 +173,53 @@ def scene_folders(folder: Path) -> dict[str, list[Path]]:
     return found
 
 
-def find_scenes(folder: Path, names: Sequence[str] = ()) -> list[Scene]:
+def find_scenes(
+    folder: Path, names: Sequence[str] = (), say: Callable[[str], None] = lambda line: None
+) -> list[Scene]:
     """The scenes of a folder, or the one that it is.
 
     Args:
         folder: a scene, or a folder of scenes, perhaps sorted into folders.
-        names: of the scenes meant; none means all.
+        names: of the scenes meant; none means all that have truth.
+        say: told which are left out.
 
     Raises:
         InputError: all that is missing or wrong: no scene, no truth, unknown names, bad files.
     """
     problems = Problems()
-    scenes = gather_scenes(scene_folders(folder), names, problems)
+    scenes = gather_scenes(scene_folders(folder), names, problems, say)
     problems.raise_any()
     return scenes
 
 
 def gather_scenes(
-    folders: Mapping[str, Sequence[Path]], names: Sequence[str], problems: Problems
+    folders: Mapping[str, Sequence[Path]],
+    names: Sequence[str],
+    problems: Problems,
+    say: Callable[[str], None],
 ) -> list[Scene]:
-    """The scenes that can be scored against, of those named (none: all); the rest to `problems`.
+    """The scenes that can be scored against; what is wrong with others goes to `problems`.
 
     Args:
         folders: by the scenes' names, see `scene_folders`.
-        names: of the scenes meant.
+        names: of the scenes meant; none means all that have truth, or all where none has it.
         problems: takes what is wrong.
+        say: told which scenes are left out.
     """
+    if not folders:
+        return []
+    with_truth = {
+        name: having
+        for name, paths in folders.items()
+        if (having := [path for path in paths if (path / _TRUTH["low"]).exists()])
+    }
+    without = sorted(set(folders) - set(with_truth))
+    if not names and with_truth and without:
+        say(f"left out: {listed(without, 12)} (no truth: {_TRUTH['low']} is missing)")
     scenes = []
-    for name in dict.fromkeys(names or sorted(folders)):
-        if folders:
-            with problems.gather():
-                scenes.append(read_scene(only_folder(folders, name)))
+    for name in dict.fromkeys(names or sorted(with_truth or folders)):
+        with problems.gather():
+            scenes.append(read_scene(only_folder({**folders, **with_truth}, name)))
     return scenes
 
 
@@ -234,8 +250,8 @@ def read_scene(folder: Path) -> Scene:
     path = folder / _TRUTH["low"]
     if not path.exists():
         raise InputError(
-            f"{folder}: no truth to score against ({path.name} is missing); "
-            "name the scenes that have it with --scene"
+            f"{folder}: no truth to score against ({path.name} is missing); give a scene that has "
+            "it"
         )
     problems = Problems()
     parameters = Parameters()

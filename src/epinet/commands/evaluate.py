@@ -9,7 +9,7 @@ import typer
 
 from epinet.commands.common import DeviceOption
 from epinet.progress import progress
-from epinet.terminal import say, say_all
+from epinet.terminal import remark, say, say_all
 
 
 def evaluate(
@@ -17,9 +17,9 @@ def evaluate(
         list[str],
         typer.Argument(
             metavar="MAPS_OR_MODEL...",
-            help="What to score: a folder of maps (SCENE.pfm, SCENE.npy, or results of epinet "
-            "predict), or sweepnet, epinet or a weights file, which is run first. NAME=... names "
-            "it in the report.",
+            help="What to score: a folder of maps (SCENE.pfm, SCENE.npy, SCENE.mat, or results "
+            "of epinet predict), or sweepnet, epinet or a weights file, which is run first. "
+            "NAME=... names it in the report.",
         ),
     ],
     data: Annotated[
@@ -51,6 +51,7 @@ def evaluate(
     from epinet.benchmark.evaluate import evaluate as score_all
     from epinet.benchmark.methods import prepare
     from epinet.benchmark.report import write_report
+    from epinet.benchmark.signs import opposite_signs
     from epinet.benchmark.table import text_tables
     from epinet.io.atomic import check_writable, scratch_folder
     from epinet.io.problems import Problems
@@ -64,7 +65,9 @@ def evaluate(
     with problems.gather():
         metrics = benchmark_metrics(badpix or BADPIX_THRESHOLDS_PX)
     with problems.gather():
-        prepared = prepare(methods, data, scene or (), metrics, border_px=border, device=device)
+        prepared = prepare(
+            methods, data, scene or (), metrics, border_px=border, device=device, say=remark
+        )
     problems.raise_any()
     if output is not None:
         check_writable(output)
@@ -73,6 +76,9 @@ def evaluate(
         found = prepared.run(folder, progress=progress)
         with progress("scores") as advance:
             scored = score_all(found, prepared.scenes, metrics, border_px=border, advance=advance)
+        hints = opposite_signs(scored)
     say_all(text_tables(scored))
+    for hint in hints:
+        remark(hint)
     if output is not None:
         say(f"-> {write_report(scored, output)}")

@@ -9,7 +9,7 @@ import typer
 
 from epinet.commands.common import DeviceOption
 from epinet.progress import progress
-from epinet.terminal import say
+from epinet.terminal import remark, say
 
 
 def submit(
@@ -17,8 +17,9 @@ def submit(
         str | None,
         typer.Argument(
             metavar="MAPS_OR_MODEL",
-            help="A folder with maps of the 12 scenes (SCENE.pfm, SCENE.npy, or results of epinet "
-            "predict) and run times (runtimes/SCENE.txt), or sweepnet, epinet or a weights file.",
+            help="A folder with maps of the 12 scenes (SCENE.pfm, SCENE.npy, SCENE.mat, or "
+            "results of epinet predict) and run times (runtimes/SCENE.txt), or sweepnet, epinet or "
+            "a weights file.",
         ),
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The zip to write.")] = None,
@@ -47,6 +48,8 @@ def submit(
     assert method is not None and output is not None
     keep_freed_memory()
     with scratch_folder() as temporary:
-        maps = maps_to_submit(method, data, temporary, output, device=device, progress=progress)
+        maps = maps_to_submit(
+            method, data, temporary, output, device=device, progress=progress, say=remark
+        )
         write_submission(output, maps)
     say(f"12 scenes -> {output}")

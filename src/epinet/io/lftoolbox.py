@@ -7,29 +7,19 @@ reversed.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from epinet.errors import InputError
 from epinet.io.array import light_field_of
-from epinet.io.hdf5 import array_of, open_hdf5
 from epinet.io.layout import Layout
-from epinet.io.problems import listed, parsing
+from epinet.io.mat import read_variable
 from epinet.lightfield import LightField
-from epinet.reading import check_decoded, check_regular
 
 _USER_BLOCK_BYTES = 512
 _TEXT_BYTES = 116
 """Of the description that a .mat file begins with."""
 _V5_LIMIT_BYTES = 2**31 - 1
-_BYTES = {"double": 8, "single": 4} | {
-    f"{sign}int{8 * n}": n for sign in ("u", "") for n in (1, 2, 4, 8)
-}
-"""Of a value, by Matlab's class."""
 
 
 def recognises(path: Path) -> bool:
@@ -43,12 +33,7 @@ def read(path: Path) -> LightField:
     Raises:
         InputError: a damaged file, or no usable variable LF.
     """
-    import h5py
-
-    with parsing(path, "a .mat file"):
-        check_regular(path)
-        array = _read_v73(path) if h5py.is_hdf5(path) else _read_v5(path)
-    return light_field_of(array, path)
+    return light_field_of(read_variable(path, "LF"), path)
 
 
 def write(path: Path, lf: LightField) -> None:
@@ -81,24 +66,6 @@ def write_v73(path: Path, lf: LightField) -> None:
     version_and_byte_order = b"\0" * 8 + b"\x00\x02" + b"IM"
     with path.open("r+b") as raw:
         raw.write(text + version_and_byte_order)
-
-
-def _read_v5(path: Path) -> NDArray[Any]:
-    from scipy.io import loadmat, whosmat
-
-    variables = {name: (shape, kind) for name, shape, kind in whosmat(path)}
-    if "LF" not in variables:
-        raise InputError(f"{path}: no variable LF; it holds {listed(list(variables)) or 'nothing'}")
-    shape, kind = variables["LF"]
-    if kind not in _BYTES:
-        raise InputError(f"{path}: LF is a {kind} array of Matlab, not one of numbers")
-    check_decoded(path, math.prod(shape) * _BYTES[kind], "LF")
-    return np.asarray(loadmat(path, variable_names=["LF"])["LF"])
-
-
-def _read_v73(path: Path) -> NDArray[Any]:
-    with open_hdf5(path, "a .mat file") as file:
-        return array_of(file, "LF", path).T
 
 
 LAYOUT = Layout(

@@ -1,0 +1,101 @@
+"""Arrays of numbers in .mat files of Matlab: v5, and v7.3, which is HDF5 with the axes reversed."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from epinet.errors import InputError
+from epinet.io.hdf5 import array_of, member, open_hdf5
+from epinet.io.problems import listed, parsing
+from epinet.reading import check_decoded, check_regular
+
+_KIND = "a .mat file"
+_BYTES = {"double": 8, "single": 4} | {
+    f"{sign}int{8 * n}": n for sign in ("u", "") for n in (1, 2, 4, 8)
+}
+"""Of a value, by Matlab's class."""
+
+
+def read_variable(path: Path, name: str) -> NDArray[Any]:
+    """An array of numbers by its name, with the axes in Matlab's order.
+
+    Raises:
+        InputError: a damaged file, or no such array of numbers.
+    """
+    with parsing(path, _KIND):
+        if _is_v73(path):
+            with open_hdf5(path, _KIND) as file:
+                return array_of(file, name, path).T
+        return _read_v5(path, name)
+
+
+def read_only_map(path: Path) -> NDArray[np.float32]:
+    """(H, W) the only array of the file that is an image of one value a pixel, whatever its name.
+
+    Raises:
+        InputError: a damaged file, or none or several such arrays.
+    """
+    with parsing(path, _KIND):
+        shapes = _shapes_v73(path) if _is_v73(path) else _shapes_v5(path)
+        maps = [name for name, shape in shapes.items() if len(shape) == 2 and min(shape) > 1]
+        if len(maps) != 1:
+            arrays = [f"{name} {shape}" for name, shape in shapes.items()]
+            raise InputError(
+                f"{path}: a map must be the only (H, W) array of numbers in its file, which holds "
+                f"{listed(arrays) or 'no arrays of numbers'}"
+            )
+        array = read_variable(path, maps[0])
+        if array.dtype.kind not in "fiu":
+            raise InputError(f"{path}: {maps[0]} holds {array.dtype}, not real numbers")
+        return array.astype(np.float32)
+
+
+def _is_v73(path: Path) -> bool:
+    import h5py
+
+    check_regular(path)
+    return bool(h5py.is_hdf5(path))
+
+
+def _shapes_v5(path: Path) -> dict[str, tuple[int, ...]]:
+    """Of its arrays of numbers."""
+    from scipy.io import whosmat
+
+    return {name: shape for name, shape, kind in whosmat(path) if kind in _BYTES}
+
+
+def _shapes_v73(path: Path) -> dict[str, tuple[int, ...]]:
+    import h5py
+
+    shapes = {}
+    with open_hdf5(path, _KIND) as file:
+        for name in file:
+            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+                continue
+            found = member(file, name, path)
+            if not isinstance(found, h5py.Dataset) or found.shape is None:
+                continue
+            kind = found.attrs.get("MATLAB_class", b"double")
+            if found.dtype.kind in "uif" and np.bytes_(kind).decode("ascii") in _BYTES:
+                shapes[name] = tuple(reversed(found.shape))
+    return shapes
+
+
+def _read_v5(path: Path, name: str) -> NDArray[Any]:
+    from scipy.io import loadmat, whosmat
+
+    variables = {each: (shape, kind) for each, shape, kind in whosmat(path)}
+    if name not in variables:
+        raise InputError(
+            f"{path}: no variable {name}; it holds {listed(list(variables)) or 'nothing'}"
+        )
+    shape, kind = variables[name]
+    if kind not in _BYTES:
+        raise InputError(f"{path}: {name} is a {kind} array of Matlab, not one of numbers")
+    check_decoded(path, math.prod(shape) * _BYTES[kind], name)
+    return np.asarray(loadmat(path, variable_names=[name])[name])
