@@ -60,7 +60,7 @@ def case(*says: str):
     r"maps/a\.pfm: the map is 48x38 px, it must be 48x40 px",
     r"maps/b\.pfm: in colour",
     r"left out: d \(no maps of them in ",
-    r"left out: maps of stranger in ",
+    r"left out: maps of c, stranger in ",
     r"c/gt_disp_lowres\.pfm: truth is NaN at every pixel",
     r"w\.safetensors: no such weights file",
     r"nothing: no maps in it",
