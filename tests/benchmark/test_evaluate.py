@@ -243,6 +243,18 @@ def test_a_map_may_be_the_only_image_of_a_mat_file(tmp_path, write):
     assert find_maps(tmp_path, {"a": SIZE})["a"].path.suffix == ".pfm"
 
 
+@pytest.mark.parametrize("place", [141, 177])
+def test_a_damaged_mat_file_is_refused(tmp_path, place):
+    """Of the flags' length and of the values' type: scipy alone would crash at the latter."""
+    path = tmp_path / "a.mat"
+    savemat(path, {"est": MAP})
+    damaged = bytearray(path.read_bytes())
+    damaged[place] = 0x88
+    path.write_bytes(damaged)
+    with pytest.raises(InputError, match=r"a\.mat: cannot be read as a \.mat file"):
+        find_maps(tmp_path, {"a": SIZE})
+
+
 def test_maps_of_opposite_sign_get_a_hint(add_scene, evaluated):
     for name in "abc":
         add_scene(name, MAP)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +14,19 @@ from numpy.typing import NDArray
 from epinet.errors import InputError
 from epinet.io.hdf5 import array_of, member, open_hdf5
 from epinet.io.problems import listed, parsing
-from epinet.reading import check_decoded, check_regular
+from epinet.reading import check_decoded, check_regular, open_regular
 
 _KIND = "a .mat file"
 _BYTES = {"double": 8, "single": 4} | {
     f"{sign}int{8 * n}": n for sign in ("u", "") for n in (1, 2, 4, 8)
 }
 """Of a value, by Matlab's class."""
+_COMPRESSED = 15
+_STORED = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13})
+"""Types in which a v5 file may store numbers."""
+_COMPLEX = 0x800
+_HEAD_BYTES = 4096
+"""Of a variable; more than its flags, shape and name take."""
 
 
 def read_variable(path: Path, name: str) -> NDArray[Any]:
@@ -98,4 +106,52 @@ def _read_v5(path: Path, name: str) -> NDArray[Any]:
     if kind not in _BYTES:
         raise InputError(f"{path}: {name} is a {kind} array of Matlab, not one of numbers")
     check_decoded(path, math.prod(shape) * _BYTES[kind], name)
+    _check_stored_v5(path, name)
     return np.asarray(loadmat(path, variable_names=[name])[name])
+
+
+def _check_stored_v5(path: Path, name: str) -> None:
+    """Refuse a variable stored in a type that there is not, at which scipy would crash.
+
+    Raises:
+        InputError: it is so stored, or complex.
+    """
+    with open_regular(path) as file:
+        start = file.read(128)
+        if 0 in start[:4]:  # v4, which has no such types
+            return
+        found = False
+        order = "<" if start[126:128] == b"IM" else ">"
+        while len(tag := file.read(8)) == 8:
+            kind, size = struct.unpack(f"{order}2I", tag)
+            after = file.tell() + size
+            if kind == _COMPRESSED:
+                head = zlib.decompressobj().decompress(file.read(size), _HEAD_BYTES)[8:]
+            else:
+                head = file.read(min(size, _HEAD_BYTES))
+            file.seek(after)
+            parts = _elements(head, order)
+            if len(parts) < 4 or parts[2][1] != name.encode("latin1"):
+                continue
+            found = True
+            if struct.unpack(f"{order}I", parts[0][1][:4])[0] & _COMPLEX:
+                raise InputError(f"{path}: {name} is complex; store real numbers")
+            if parts[3][0] not in _STORED:
+                raise ValueError(f"{name} is stored in the unknown type {parts[3][0]}")
+        if not found:
+            raise ValueError(f"{name} is not where it must be")
+
+
+def _elements(head: bytes, order: str) -> list[tuple[int, bytes]]:
+    """Type and bytes of flags, shape, name and values (as far as `head` goes) of a variable."""
+    parts: list[tuple[int, bytes]] = []
+    at = 0
+    while len(parts) < 4 and at + 8 <= len(head):
+        kind, count = struct.unpack_from(f"{order}2I", head, at)
+        if kind >> 16:  # of up to 4 bytes, which stand in the place of the count
+            parts.append((kind & 0xFFFF, head[at + 4 : at + 4 + (kind >> 16)]))
+            at += 8
+        else:
+            parts.append((kind, head[at + 8 : at + 8 + count]))
+            at += 8 + -(-count // 8) * 8
+    return parts
