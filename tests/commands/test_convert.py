@@ -111,7 +111,7 @@ def folder_without_white_images(folder):
     return [capture(folder), folder / "out", "--white", folder / "white"]
 
 
-@case(r"a-stk\.lfp: no raw image in it", r"not -stk\.lfp")
+@case(r"a-stk\.lfp: a stack of refocused pictures", "the file that the camera wrote")
 def refocus_stack(folder):
     file = Container()
     image = file.add(b"\xff\xd8\xff picture")

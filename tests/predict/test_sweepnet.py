@@ -194,10 +194,10 @@ def test_views_that_may_be_otherwise_than_taken_to_be_are_warned_of():
     for place in ((0, 0), (0, 2), (1, 0), (2, 1)):
         strewn[place] = np.roll(strewn[place], (1, -1), (0, 1))
     assert any("out of place" in w for w in model.predict(LightField(strewn), refine=True).warnings)
-    for captured in (True, False):  # rendered views stand as their layout says
+    for captured in (True, False):  # no parameters.cfg vouches for either
         upside_down = LightField(near[::-1], captured=captured)
         warnings = model.predict(upside_down, refine=False).warnings
-        assert any("needs --flip-rows" in w for w in warnings) == captured
+        assert any("needs --flip-rows" in w for w in warnings)
     far = LightField(plane(20))
     assert any("may exceed the 20 px" in w for w in model.predict(far, refine=False).warnings)
     told = model.predict(far, refine=False, range_px=(-24, -16))
