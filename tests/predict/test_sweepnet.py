@@ -200,7 +200,8 @@ def test_views_that_may_be_otherwise_than_taken_to_be_are_warned_of():
         assert any("needs --flip-rows" in w for w in warnings)
     far = LightField(plane(20))
     assert any("may exceed the 20 px" in w for w in model.predict(far, refine=False).warnings)
-    told = model.predict(far, refine=False, range_px=(-24, -16))
+    told = model.predict(far, refine=False, range_px=(16, 24))
+    assert np.median(told.disparity) == pytest.approx(20, abs=0.1)
     assert not any("exceed" in w for w in told.warnings)
 
 

@@ -35,6 +35,9 @@ from epinet.refine import refined
 STATED_TO_PX = 0.1
 """Ranges of disparities are stated to this."""
 
+SUPPORTED = 0.9
+"""Median support of a map that shows its views to stand in a grid, whatever was measured before."""
+
 Floats = NDArray[np.float32]
 
 
@@ -90,10 +93,15 @@ def judge(
         expected = error + beyond
         calibration = Calibration(**weights.metadata.get(CALIBRATION) or {})
         agreed = confidence = calibration.confidence(expected / larger)
-    confidence = confidence * support(lf, disparity)
+    supported = support(lf, disparity)
+    confidence = confidence * supported
     means = AGREEMENT if error is None else PROBABILITY
-    warnings = doubts_about_views(views.look, views.alignment)
-    wrong = None if views.look is None else wrong_order(views.look, lf, disparity)
+    look = views.look
+    no_grid = look is not None and look.order is not None and not look.order.is_grid
+    if look is not None and no_grid and np.median(supported) > SUPPORTED:
+        look = replace(look, order=None)  # disparities beyond those that it was sought with
+    warnings = doubts_about_views(look, views.alignment)
+    wrong = None if look is None else wrong_order(look, lf, disparity)
     if wrong is None:
         warnings += [*doubted, *doubts_about_confidence(confidence)]
     else:
