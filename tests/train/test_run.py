@@ -41,10 +41,14 @@ TINY = load_recipe("fast-9x9", CHANGES)
 CACHE = TemporaryDirectory()
 """Most runs learn from the same scenes, which take longer to render than the steps themselves."""
 
-COMMAND = [
-    *(sys.executable, "-m", "epinet", "train", "--cache", CACHE.name),
-    *(f"--set={key}={value}" for key, value in CHANGES.items()),
-]
+
+def command(**changes: object) -> list[str]:
+    """`epinet train` of the small recipe, with changes."""
+    values = [f"--set={key}={value}" for key, value in (CHANGES | changes).items()]
+    return [sys.executable, "-m", "epinet", "train", "--cache", CACHE.name, *values]
+
+
+COMMAND = command()
 TOGETHER = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
 QUICK = """
 import sys
@@ -176,7 +180,7 @@ def test_a_run_stopped_before_a_validation_makes_up_for_it(tmp_path, run, monkey
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_told_to_stop_saves_and_says_so(tmp_path, held_out, number):
     process = subprocess.Popen(
-        [*COMMAND, "--set=steps=4000", f"--validation={held_out}", "-o", str(tmp_path)],
+        [*command(steps=4000), f"--validation={held_out}", "-o", str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
