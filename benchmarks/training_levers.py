@@ -62,6 +62,22 @@ LEVERS: dict[str, dict[str, Any]] = {
             }
         ]
     },
+    "easier scenes": {
+        "data": [
+            {
+                "generator": "hci",
+                "options": {
+                    "contrast": [0.3, 1.0],
+                    "textureless": 0.0,
+                    "reflective": 0.02,
+                    "clutter": 0.2,
+                    "surfaces": [4, 20],
+                    "floors": 0.3,
+                    "faults": {"noise": 0.3, "blur": 0.5, "defocus": 0.5},
+                },
+            }
+        ]
+    },
     "the range opens in the first 40 %": {"narrow": 0.25, "widening": 0.4},
     "norms never fixed": {"fixed_norms_from": None},
     "averages a quarter as long": {"averaging": 0.98},

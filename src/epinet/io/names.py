@@ -106,7 +106,7 @@ def fields(files: list[Path]) -> list[Field]:
     """The numbers of names that are alike, as far as they differ.
 
     Example:
-        >>> names = ["cam.3.-1.png", "cam.3.0.png", "cam.3.1.png"]
+        >>> names = ["cam_3_-1.png", "cam_3_0.png", "cam_3_1.png"]
         >>> [(f.text(0), f.indices) for f in fields([Path(name) for name in names])]
         [('-1', (0, 1, 2))]
     """
