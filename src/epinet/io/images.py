@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,8 +175,16 @@ def check_decoded_images(folder: Path, files: Iterable[Path]) -> None:
         with parsing(file, "an image"), open_regular(file) as opened:
             on_disk += stored_bytes(file)
             with suppress(UnidentifiedImageError, Image.DecompressionBombError):  # said later
-                needed += decoded_bytes(Image.open(opened, formats=_FORMATS))
+                needed += decoded_bytes(_opened(file, opened))
     check_allowed(folder, needed, on_disk, "its images")
+
+
+def _opened(path: Path, file: BinaryIO) -> Image.Image:
+    """An image whose header alone is read, unless its texts are more than Pillow takes."""
+    try:
+        return Image.open(file, formats=_FORMATS)
+    except ValueError:
+        return Image.open(io.BytesIO(_without_unused(read_bytes(path))), formats=_FORMATS)
 
 
 def _without_unused(data: bytes) -> bytes:
