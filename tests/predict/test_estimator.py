@@ -9,7 +9,7 @@ from epinet.errors import InputError
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import Weights
 from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.predict.confidence import Calibration, agreement, photo_consistency, support
+from epinet.predict.confidence import Calibration, agreement, support
 from epinet.predict.estimator import Estimator, enlarge, shrink
 from epinet.predict.tiling import even_tiles, pad_views, run_tiled, tile_side_px
 from epinet.synth.generator import render_scene
@@ -125,9 +125,9 @@ def test_a_shrunk_ramp_is_enlarged_to_itself(scale, size):
 def test_views_shrunk_show_the_truth_divided(scene, scale):
     small = LightField(shrink(torch.from_numpy(scene.views[..., 0]), scale).numpy()[..., None])
     truth = shrink(torch.from_numpy(scene.truth)[None], scale)[0].numpy() / scale
-    right = photo_consistency(small, truth).mean()
-    assert right > photo_consistency(small, truth * scale).mean() + 0.02
-    assert right > photo_consistency(small, -truth).mean() + 0.02
+    right = agreement(small, truth)[0].mean()
+    assert right > agreement(small, truth * scale)[0].mean() + 0.02
+    assert right > agreement(small, -truth)[0].mean() + 0.02
 
 
 def test_a_scaled_prediction_has_full_size(estimator, scene):
@@ -141,13 +141,13 @@ def test_a_scaled_prediction_has_full_size(estimator, scene):
 
 def test_confidence_prefers_the_truth(scene):
     assert scene.truth is not None
-    right = photo_consistency(scene, scene.truth)
+    right = agreement(scene, scene.truth)[0]
     assert right.shape == scene.size
     assert right.min() >= 0
     assert right.max() <= 1
     assert np.median(right) > 0.9
     for wrong in (scene.truth + 0.5, -scene.truth):
-        assert photo_consistency(scene, wrong).mean() < right.mean() - 0.05
+        assert agreement(scene, wrong)[0].mean() < right.mean() - 0.05
 
 
 @pytest.mark.parametrize(("level", "noise"), [(0.5, 0), (1, 0), (1e-40, 0), (0.5, 0.02)])
@@ -156,7 +156,7 @@ def test_nothing_is_sure_where_there_is_no_texture(level, noise):
     views = np.full((5, 5, 40, 48, 1), level, np.float32)
     views += np.random.default_rng(0).normal(0, noise, views.shape).astype(np.float32)
     flat = LightField(views.clip(0, 1))
-    assert np.median(agreement(flat, np.zeros((40, 48), np.float32))) < 0.3
+    assert np.median(agreement(flat, np.zeros((40, 48), np.float32))[1]) < 0.3
 
 
 def test_texture_that_matches_nowhere_near_is_no_support(scene):
@@ -174,9 +174,9 @@ def test_an_expected_error_without_bound_is_no_confidence():
 def test_confidence_in_bands_equals_confidence_at_once(scene, monkeypatch):
     from epinet.predict import confidence
 
-    at_once = photo_consistency(scene, scene.truth)
+    at_once = agreement(scene, scene.truth)[0]
     monkeypatch.setattr(confidence, "BAND_PX", 3 * 53)
-    np.testing.assert_allclose(photo_consistency(scene, scene.truth), at_once, atol=1e-5)
+    np.testing.assert_allclose(agreement(scene, scene.truth)[0], at_once, atol=1e-5)
 
 
 def test_the_central_views_of_a_larger_grid_are_used(estimator, scene):

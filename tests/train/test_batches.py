@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from epinet.angular import CENTRAL_NINE, direction_positions
+from epinet.inspect.information import WINDOW_PX
 from epinet.model.sweepnet import searched
 from epinet.train.augment import AUGMENTATIONS, ColourScale, GrayWeights, ViewShift
 from epinet.train.batches import TRIES, Batches, Cut, batches_of, textured
-from epinet.train.information import WINDOW_PX
 from epinet.train.patches import Frames, LightFields
 from epinet.train.recipe import Recipe
 from epinet.train.recipe_files import load_recipe

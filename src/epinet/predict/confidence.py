@@ -39,11 +39,13 @@ from torch.nn import functional as F
 
 from epinet.angular import star_positions
 from epinet.inspect.disparity_range import LONGER_SIDE_PX
+from epinet.inspect.information import disparity_deviation
 from epinet.inspect.sweep import load_star, match_of_map
 from epinet.lightfield import LightField
 from epinet.model.checkpoint import EVENS_PX, STEEPEST
-from epinet.shifts import gradients_of, sampled
+from epinet.shifts import sampled
 from epinet.squares import box_mean
+from epinet.synth.faults import ROUNDING
 
 WITHIN_PX = 0.07
 """Errors up to this are what the benchmark calls good."""
@@ -57,8 +59,6 @@ TOLERANCE = 0.02
 
 WINDOW_PX = 9
 """A disparity is taken to be the same over this square."""
-QUANTISED = 1 / (255 * 12**0.5)
-"""Standard deviation of what rounding to 8 bits adds."""
 
 SUPPORT_PX = 15
 """Support is judged over this square of a small picture."""
@@ -114,18 +114,14 @@ class Calibration:
 
 
 @torch.inference_mode()
-def photo_consistency(lf: LightField, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Confidence (H, W) in 0..1 of a disparity map (H, W) of the centre view, by agreement."""
-    smooth = _differences(lf, disparity)
-    return (1 / (1 + (smooth / TOLERANCE) ** 2)).numpy()
-
-
-@torch.inference_mode()
-def agreement(lf: LightField, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Photo-consistency (H, W) of a map, times its observability."""
-    smooth = _differences(lf, disparity)
-    consistent = 1 / (1 + (smooth / TOLERANCE) ** 2)
-    return (consistent * observability(lf, 2 * smooth)).numpy()
+def agreement(
+    lf: LightField, disparity: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Photo-consistency of a map, and that times its observability; (H, W) each, in 0..1."""
+    differences = _differences(lf, disparity)
+    consistent = 1 / (1 + (differences / TOLERANCE) ** 2)
+    seen = observability(lf, 2 * differences)
+    return consistent.numpy(), (consistent * seen).numpy()
 
 
 def observability(lf: LightField, noise: Tensor) -> Tensor:
@@ -134,17 +130,14 @@ def observability(lf: LightField, noise: Tensor) -> Tensor:
     Args:
         noise: (H, W) standard deviation of the views' noise, of samples in 0..1.
     """
-    centre = lf.centre
-    star = [p for p in star_positions(lf.grid[0]) if p != centre]
-    rows, cols = (sum((p[axis] - centre[axis]) ** 2 for p in star) for axis in (0, 1))
-    gray = torch.from_numpy(np.ascontiguousarray(lf.gray(*centre)))
-    down, across = gradients_of(gray[None, None])[0]
-    variance = noise.square() + QUANTISED**2
-    # Noise itself has differences: half its variance in each direction.
-    texture = rows * down**2 + cols * across**2 - 0.5 * (rows + cols) * variance
-    told, against = box_mean(torch.stack([texture, variance]), WINDOW_PX)
-    deviation_2 = against / (WINDOW_PX**2 * told.clamp_min(1e-12))
-    seen: Tensor = 1 / (1 + deviation_2 / WITHIN_PX**2)
+    row, col = lf.centre
+    offsets = [(r - row, c - col) for r, c in star_positions(lf.grid[0])]
+    gray = torch.from_numpy(np.ascontiguousarray(lf.gray(row, col)))
+    noise = noise.square().add(ROUNDING**2).sqrt()
+    deviation = disparity_deviation(
+        gray[None, None], noise[None, None], offsets, window_px=WINDOW_PX
+    )
+    seen: Tensor = 1 / (1 + (deviation[0, 0] / WITHIN_PX) ** 2)
     return seen
 
 

@@ -19,7 +19,6 @@ from epinet.predict.confidence import (
     WITHHELD,
     Calibration,
     agreement,
-    photo_consistency,
     support,
 )
 from epinet.predict.doubts import (
@@ -88,7 +87,7 @@ def judge(
     beyond = np.abs(found - disparity)
     if error is None:
         expected = None
-        agreed, confidence = photo_consistency(lf, disparity), agreement(lf, disparity)
+        agreed, confidence = agreement(lf, disparity)
     else:
         expected = error + beyond
         calibration = Calibration(**weights.metadata.get(CALIBRATION) or {})

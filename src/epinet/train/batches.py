@@ -13,6 +13,7 @@ from torch.nn import functional as F
 
 from epinet.angular import STREAM_DIRECTIONS_DEG, direction_positions
 from epinet.errors import InputError
+from epinet.inspect.information import disparity_deviation
 from epinet.io.problems import Problems
 from epinet.model.contrast import WINDOW_PX, contrast_unit, local_contrast
 from epinet.model.epinet import MARGIN_PX
@@ -21,7 +22,6 @@ from epinet.predict.batch import find_light_fields
 from epinet.synth.faults import ROUNDING
 from epinet.synth.generator import generator
 from epinet.train.augment import Augmentation, GrayWeights, Scale
-from epinet.train.information import disparity_deviation
 from epinet.train.patches import Frames, Offset, Patches, gray, moved
 from epinet.train.recipe import Recipe
 from epinet.train.sources import Folders, Mixed, Needs, Rendered, Source
@@ -76,9 +76,9 @@ class Cut:
     texture_threshold: float
     """Of the paper's textureless rejection, in gray levels of 0..1; see `textured`."""
     least_weight: float | None
-    """What pixels count whose disparity the views do not tell; see `information`. None rejects
-    whole patches as the paper does: those whose middle is textureless, and those that touch a
-    mirror."""
+    """What pixels count whose disparity the views do not tell; see `inspect.information`. None
+    rejects whole patches as the paper does: those whose middle is textureless, and those that
+    touch a mirror."""
 
     told_px: float = 0.03
     """Pixels count half whose disparity the views tell to within this standard deviation."""

@@ -10,7 +10,7 @@ from epinet.shifts import gradients_of
 from epinet.squares import box_mean
 
 WINDOW_PX = 25
-"""A disparity is taken to be the same over this square."""
+"""A disparity is taken to be the same over this square, unless told otherwise."""
 
 
 def disparity_deviation(
@@ -18,6 +18,7 @@ def disparity_deviation(
     noise: Tensor,
     offsets: Sequence[tuple[int, int]],
     other: Tensor | float = 0.0,
+    window_px: int = WINDOW_PX,
 ) -> Tensor:
     """Standard deviation of the best estimate of each disparity: its Cramer-Rao bound.
 
@@ -31,6 +32,7 @@ def disparity_deviation(
         offsets: (row, column) of the views from the centre view.
         other: standard deviation of what else makes views differ, which the centre view does not
             show as noise.
+        window_px: side of the square over which a disparity is taken to be the same.
 
     Returns:
         (B, 1, H, W) px per adjacent view; infinite where there is no texture. The window's half
@@ -41,5 +43,5 @@ def disparity_deviation(
     variance = noise * noise
     # Noise itself has differences: half its variance in each direction.
     texture = cols * across**2 + rows * down**2 - 0.5 * (rows + cols) * variance
-    told, against = (box_mean(t, WINDOW_PX) for t in (texture, variance + other * other))
-    return (WINDOW_PX**2 * told.clamp_min(0) / against).rsqrt()
+    told, against = (box_mean(t, window_px) for t in (texture, variance + other * other))
+    return (window_px**2 * told.clamp_min(0) / against).rsqrt()

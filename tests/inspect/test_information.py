@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from epinet.angular import star_positions
-from epinet.train.information import WINDOW_PX, disparity_deviation
+from epinet.inspect.information import WINDOW_PX, disparity_deviation
 
 
 def wave(y, x):
