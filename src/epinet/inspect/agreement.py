@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from epinet.inspect.sweep import TRUNCATION, Match, Star
-from epinet.shifts import sampled
+from epinet.inspect.sweep import Match, Star
 
 OUTLYING = 2.6
 """Views that differ by this times the median stand elsewhere; 1.9 is measured for hidden points in
@@ -52,9 +51,7 @@ def agreement(star: Star, match: Match) -> Agreement:
     Args:
         match: of the same star, with enough usable pixels.
     """
-    moves = [(float(row), float(col)) for row, col in star.offsets]
-    seen = sampled(star.views[None], match.disparity[None, None], moves)[0]
-    difference = (seen - star.centre).abs_().clamp_max_(TRUNCATION)
+    difference = star.differences(match.disparity, star.offsets)
     chance = float(match.chance_cost[match.usable].mean())
     residuals = difference[:, match.usable].mean(1)
     return Agreement(residuals, chance / max(match.residual, 1e-9))

@@ -56,11 +56,12 @@ def other_arrangement(lf: LightField) -> OtherArrangement | None:
 
     residuals: dict[Offset, float] = {}
     for upright in (False, True):
-        step = (1, 0) if upright else (0, 1)
-        rough = rough_match(star(numbers[1:3], ((-step[0], -step[1]), step)))
+        row, col = (1, 0) if upright else (0, 1)
+        neighbours = star(numbers[1:3], ((-row, -col), (row, col)))
+        rough = rough_match(neighbours)
         if not rough.is_distinct:
             continue
-        low, high = rough_range(star(numbers[1:3], ((-step[0], -step[1]), step)), rough)
+        low, high = rough_range(neighbours, rough)
         for length in (n for n in range(2, count + 1) if count % n == 0):
             grid = (length, count // length) if upright else (count // length, length)
             for sign in (-1, 1)[: 1 if length == count else 2]:

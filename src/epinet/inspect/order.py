@@ -13,11 +13,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch.nn import functional
 
 from epinet.inspect.agreement import agreement
 from epinet.inspect.occlusion import Votes, occlusion_votes
-from epinet.inspect.spacing import Spacing, estimate_spacing, stretched
+from epinet.inspect.spacing import Spacing, estimate_spacing, row_spacing, stretched
 from epinet.inspect.sweep import (
     FINE_STEP_PX,
     TAIL,
@@ -192,8 +191,8 @@ def check_order(lf: LightField) -> OrderCheck:
     """
     star = load_star(lf)
     spacing = estimate_spacing(star)
-    if spacing is not None and not spacing.is_square:
-        lf = stretched(lf, spacing.factor)
+    if (factor := row_spacing(spacing)) != 1:
+        lf = stretched(lf, factor)
         star = load_star(lf)
     residuals, match = _class_residuals(star)
     best = min(CLASSES, key=lambda arrangement: residuals[arrangement])
@@ -250,9 +249,7 @@ def sign_votes(lf: LightField, disparity: NDArray[np.float32]) -> Votes:
         disparity: (H, W) px per adjacent view.
     """
     star = load_star(lf, SIGN_LONGER_SIDE_PX)
-    size = star.centre.shape
-    whole = torch.from_numpy(np.ascontiguousarray(disparity))[None, None]
-    small = star.scale * functional.interpolate(whole, size, mode="nearest-exact")[0, 0]
+    small = star.shrunk_map(disparity)
     star = star.rings(float(np.percentile(small.abs().numpy(), 99)))
     match = match_of_map(star, small, SIGN_WINDOW)
     return occlusion_votes(star, match) if match.has_pixels else Votes(0, 0)

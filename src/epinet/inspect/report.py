@@ -10,7 +10,7 @@ import numpy as np
 from epinet.inspect.alignment import estimate_alignment
 from epinet.inspect.disparity_range import NOTHING_MATCHES, DisparityRange, estimate_range
 from epinet.inspect.order import OrderCheck, check_order
-from epinet.inspect.spacing import stretched
+from epinet.inspect.spacing import row_spacing, stretched
 from epinet.inspect.sweep import load_star
 from epinet.lightfield import LightField
 
@@ -28,12 +28,11 @@ def inspect(lf: LightField, trained_range_px: tuple[float, float] | None) -> dic
     lf = lf.brightened()
     order = check_order(lf)
     ordered = order.correction.apply(lf)
-    uneven = order.spacing is not None and not order.spacing.is_square
-    if order.spacing is not None and uneven:
-        ordered = stretched(ordered, order.spacing.factor)
+    spacing = row_spacing(order.spacing)
+    ordered = stretched(ordered, spacing)
     span, alignment = estimate_range(ordered), estimate_alignment(ordered)
-    if span is not None and order.spacing is not None and uneven:
-        span = span.divided(max(1.0, order.spacing.factor))
+    if span is not None:
+        span = span.divided(max(1.0, spacing))
     height, width = lf.size
     return {
         "input": None if lf.source is None else str(lf.source),
@@ -47,7 +46,7 @@ def inspect(lf: LightField, trained_range_px: tuple[float, float] | None) -> dic
         "truth": _truth(lf),
         "masks": {name: round(float(mask.mean()), 4) for name, mask in lf.masks.items()},
         "order": _order(order),
-        "row_spacing": round(order.spacing.factor, 3) if order.spacing and uneven else 1.0,
+        "row_spacing": round(spacing, 3),
         "has_texture": load_star(lf).has_texture,
         "disparity_px": None if span is None else asdict(span),
         "captured": lf.captured,

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from epinet.inspect.sweep import TRUNCATION, Match, Star, fine_match
+from epinet.inspect.sweep import Match, Star, fine_match
 from epinet.lightfield import LightField
-from epinet.shifts import sampled
 
 MIN, MAX = 0.3, 3.4
 TRIED = 18
@@ -48,6 +47,11 @@ class Spacing:
         """Whether nothing tells the rows' spacing from the columns'."""
         told = MIN < self.factor < MAX and self.gain >= MIN_GAIN and self.fit >= MIN_FIT
         return not told or abs(self.factor - 1) <= UNTOLD
+
+
+def row_spacing(spacing: Spacing | None) -> float:
+    """Distance of the rows in units of the columns'; 1 where nothing tells another."""
+    return 1.0 if spacing is None or spacing.is_square else spacing.factor
 
 
 @torch.inference_mode()
@@ -81,8 +85,11 @@ def stretched(lf: LightField, factor: float) -> LightField:
 
     Rows that stand closer make points move less from row to row; in pictures that are so much
     higher they move as much as from column to column. Pictures become wider where rows stand
-    farther apart. Truth, masks and objects, which are of the unstretched centre view, go.
+    farther apart. Truth, masks and objects, which are of the unstretched centre view, go. A factor
+    of 1 changes nothing.
     """
+    if factor == 1:
+        return lf
     height, width = lf.size
     size = (height, round(width * factor)) if factor > 1 else (round(height / factor), width)
     views = np.zeros((*lf.grid, *size, lf.views.shape[-1]), lf.views.dtype)
@@ -118,8 +125,7 @@ def _left(arm: Star, match: Match, explained: Tensor, factor: float) -> float:
     left = []
     for sign in (1, -1) if arm.offsets[0][0] else (1,):
         moves = [(sign * factor * row, float(col)) for row, col in arm.offsets]
-        seen = sampled(arm.views[None], match.disparity[None, None], moves)[0]
-        difference = (seen - arm.centre).abs_().clamp_max_(TRUNCATION)
+        difference = arm.differences(match.disparity, moves)
         shown = torch.stack(
             [
                 _within(y - row * match.disparity, height)

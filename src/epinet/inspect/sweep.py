@@ -7,7 +7,7 @@ per adjacent view; `Star.scale` leads back to view pixels.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,6 +103,22 @@ class Star:
     def has_texture(self) -> bool:
         """Whether the centre view shows more than noise."""
         return float(self.textured.float().mean()) > MIN_TEXTURED
+
+    def shrunk_map(self, disparity: NDArray[np.float32]) -> Tensor:
+        """A map (H, W) of the centre view, in working pixels and at their places."""
+        whole = torch.from_numpy(np.ascontiguousarray(disparity))[None, None]
+        size = self.centre.shape
+        return self.scale * functional.interpolate(whole, size, mode="nearest-exact")[0, 0]
+
+    def differences(self, disparity: Tensor, moves: Sequence[tuple[float, float]]) -> Tensor:
+        """(N, H, W) truncated differences of the views, warped by a map, to the centre view.
+
+        Args:
+            disparity: (H, W) in working pixels.
+            moves: of each view, (rows, columns) by which the map is multiplied.
+        """
+        seen = sampled(self.views[None], disparity[None, None], moves)[0]
+        return (seen - self.centre).abs_().clamp_(max=TRUNCATION)
 
     def exposed_alike(self) -> Star:
         """Each view brought to the mean brightness of the centre view."""
@@ -245,9 +261,7 @@ def sweep(
 
 def match_of_map(star: Star, disparity: Tensor, window: int = WINDOW) -> Match:
     """A match whose disparities (H, W), in working pixels, are known; its chance costs are 0."""
-    moves = [(float(row), float(col)) for row, col in star.offsets]
-    seen = sampled(star.views[None], disparity[None, None], moves)[0]
-    difference = (seen - star.centre).abs_().clamp_(max=TRUNCATION)
+    difference = star.differences(disparity, star.offsets)
     halves = torch.stack([difference[side].mean(0) for side in _halves(star.offsets)])
     cost = box_mean(halves, window).amin(0)
     inside = _edge_distance(cost) >= disparity.abs() * star.radius + window // 2

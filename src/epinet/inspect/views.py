@@ -13,7 +13,7 @@ import torch
 from epinet.inspect.agreement import agreement
 from epinet.inspect.disparity_range import LONGER_SIDE_PX, range_match
 from epinet.inspect.order import OrderCheck, check_order
-from epinet.inspect.spacing import Spacing, estimate_spacing, stretched
+from epinet.inspect.spacing import estimate_spacing, row_spacing, stretched
 from epinet.inspect.sweep import load_star
 from epinet.lightfield import LightField
 
@@ -26,8 +26,8 @@ scenes, under another class of orders 3.1 and less."""
 class Look:
     """What the views say of their grid."""
 
-    spacing: Spacing | None
-    """Of the rows; None where they are spaced like the columns, as far as the views tell."""
+    row_spacing: float
+    """In units of the columns' distance; 1 as far as the views tell no other."""
     order: OrderCheck | None
     """Where the views left doubts that they stand in order, up to the sign of disparity."""
 
@@ -40,11 +40,9 @@ def look_at(lf: LightField) -> Look:
         InputError: as `check_order`.
     """
     star = load_star(lf, LONGER_SIDE_PX)
-    spacing = estimate_spacing(star)
-    if spacing is not None and spacing.is_square:
-        spacing = None
-    if spacing is not None:
-        star = load_star(stretched(lf, spacing.factor), LONGER_SIDE_PX)
+    spacing = row_spacing(estimate_spacing(star))
+    if spacing != 1:
+        star = load_star(stretched(lf, spacing), LONGER_SIDE_PX)
     match = range_match(star)
     if match is not None:
         agreed = agreement(star, match)
@@ -53,6 +51,5 @@ def look_at(lf: LightField) -> Look:
     elif not star.has_texture:
         return Look(spacing, None)
     order = check_order(lf)
-    if order.spacing is not None and not order.spacing.is_square:
-        spacing = order.spacing
-    return Look(spacing, order)
+    measured = row_spacing(order.spacing)
+    return Look(spacing if measured == 1 else measured, order)

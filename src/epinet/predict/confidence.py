@@ -146,12 +146,7 @@ def support(lf: LightField, disparity: NDArray[np.float32]) -> NDArray[np.float3
     """(H, W) in 0..1: 0 where the picture has texture, and yet the views agree no better under the
     map than under disparities that are surely wrong; 1 where they do, or where nothing tells."""
     star = load_star(lf, LONGER_SIDE_PX)
-    small = F.interpolate(
-        torch.from_numpy(np.ascontiguousarray(disparity))[None, None],
-        star.centre.shape,
-        mode="nearest-exact",
-    )[0, 0]
-    small = star.scale * small
+    small = star.shrunk_map(disparity)
     star = star.rings(float(small.abs().median()))
     elsewhere = ELSEWHERE_PX / star.radius
     costs = [match_of_map(star, small + move).cost for move in (0, elsewhere, -elsewhere)]

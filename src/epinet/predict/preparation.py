@@ -48,8 +48,8 @@ def prepare(lf: LightField, refine: bool) -> Prepared:
         guessed = lf.layout == "numbered"
         if guessed and not look.order.is_grid:
             raise InputError(f"{lf.source or 'light field'}: {look.order.verdict}")
-    spacing = 1.0 if look is None or look.spacing is None else look.spacing.factor
-    seen = lf if spacing == 1 else stretched(lf, spacing)
+    spacing = 1.0 if look is None else look.row_spacing
+    seen = stretched(lf, spacing)
     alignment = estimate_alignment(seen) if refine else None
     if alignment is not None:
         seen = compensated(seen, alignment)
