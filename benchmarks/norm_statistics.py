@@ -22,13 +22,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from epinet.allocator import keep_freed_memory
 from epinet.io.atomic import atomic_path
 from epinet.model.checkpoint import Weights
 from epinet.model.epinet import Epinet
-from epinet.model.normed import without_norms
+from epinet.model.normed import take_statistics, without_norms
 from epinet.predict.result import Result
 from epinet.synth.generator import VERSION
 from epinet.train.classes import remove_classes
@@ -45,14 +45,8 @@ KERAS = f"Keras' average, {MOST}"
 
 def with_statistics(net: Epinet, stacks: Iterable[Tensor], momentum: float | None) -> Epinet:
     """The network with statistics of these batches: their plain mean, or a slow average."""
-    net = copy.deepcopy(net).train()
-    for norm in net.modules():
-        if isinstance(norm, nn.BatchNorm2d):
-            norm.reset_running_stats()
-            norm.momentum = momentum
-    with torch.no_grad():
-        for stack in stacks:
-            net(stack)
+    net = copy.deepcopy(net)
+    take_statistics(net, stacks, momentum)
     net = without_norms(net)
     remove_classes(net)
     return net.eval()

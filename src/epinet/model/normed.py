@@ -9,7 +9,7 @@ weights, and what is left is the published network.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import torch
 from torch import Tensor, nn
@@ -84,6 +84,27 @@ def calibrate_norms(net: Epinet, stacks: Tensor) -> None:
     net.train(was_training)
     for hook in hooks:
         hook.remove()
+
+
+def norms_of(net: nn.Module) -> list[nn.BatchNorm2d]:
+    """Its normalisations."""
+    return [m for m in net.modules() if isinstance(m, nn.BatchNorm2d)]
+
+
+@torch.no_grad()
+def take_statistics(net: Epinet, stacks: Iterable[Tensor], momentum: float | None = None) -> None:
+    """Give the norms statistics of other batches, and leave the network in training mode.
+
+    Args:
+        stacks: (B, S, N, H, W) each, training input.
+        momentum: of the average over the batches; None takes their plain mean.
+    """
+    for norm in norms_of(net):
+        norm.reset_running_stats()
+        norm.momentum = momentum
+    net.train()
+    for batch in stacks:
+        net(batch)
 
 
 def _unnormed(net: Epinet) -> Iterator[nn.Sequential]:

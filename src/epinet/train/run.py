@@ -39,7 +39,7 @@ from epinet.model.checkpoint import (
     save_weights,
 )
 from epinet.model.epinet import Epinet
-from epinet.model.normed import without_norms
+from epinet.model.normed import norms_of, take_statistics, without_norms
 from epinet.model.sweepnet import SweepNet
 from epinet.synth.options import RANGES_PX
 from epinet.train.ahead import made_ahead, pays
@@ -345,7 +345,7 @@ class Run:
     def _set_modes(self) -> None:
         """Training mode; batch normalisation with its own statistics once the recipe fixes them."""
         self.net.train()
-        for norm in _norms(self.net):
+        for norm in norms_of(self.net):
             norm.momentum = MOMENTUM
             norm.train(not self._norms_fixed)
 
@@ -428,7 +428,7 @@ class Run:
         if isinstance(net, Epinet):
             if not self._norms_fixed:
                 self._take_statistics(net)
-            for norm in _norms(net):
+            for norm in norms_of(net):
                 norm.num_batches_tracked = torch.tensor(self.step)  # whatever the number of shards
             net = without_norms(net)
             remove_classes(net)
@@ -437,15 +437,12 @@ class Run:
         return Weights(net.eval(), self.metadata(), str(self.folder))
 
     def _take_statistics(self, net: Epinet) -> None:
-        for norm in _norms(net):
-            norm.reset_running_stats()
-            norm.momentum = None  # a plain mean
-        net.train()
-        for step in range(max(0, self.step - STATISTICS_BATCHES), self.step):
+        steps = range(max(0, self.step - STATISTICS_BATCHES), self.step)
+        for step in steps:
             if step not in self._recent:  # of the time before an interruption
                 self._recent[step] = self.batches[0](step).stacks
-            with torch.no_grad(), self._autocast():
-                net(self._recent[step])
+        with self._autocast():
+            take_statistics(net, (self._recent[step] for step in steps))
 
     def _say_progress(self, steps_per_s: float) -> None:
         left = timedelta(seconds=round((self.recipe.steps - self.step) / steps_per_s))
@@ -454,7 +451,3 @@ class Run:
             f"step {self.step} of {self.recipe.steps}, loss {loss:.4f}, {steps_per_s:.2f} steps/s, "
             f"{left} left"
         )
-
-
-def _norms(net: nn.Module) -> list[nn.BatchNorm2d]:
-    return [m for m in net.modules() if isinstance(m, nn.BatchNorm2d)]
