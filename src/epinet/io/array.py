@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from math import isqrt
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +24,9 @@ from epinet.reading import open_regular
 
 _SUFFIXES = (".npy", ".npz")
 _NAMES = ("views", "truth")
-_EXPECTED = (
-    "expected (rows, columns, height, width) or (rows, columns, height, width, channels) with 1, 3 "
-    "or 4 channels"
+_AXES = (
+    "(rows, columns, height, width) or (rows, columns, height, width, channels) with 1, 3 or 4 "
+    "channels"
 )
 
 
@@ -77,7 +76,7 @@ def light_field_of(array: NDArray[Any], path: Path) -> LightField:
     if array.ndim == 4:
         array = array[..., None]
     if array.ndim != 5 or array.shape[4] not in (1, 3, 4) or array.size == 0:
-        raise InputError(f"{path}: views of shape {array.shape}; {_EXPECTED}")
+        raise InputError(f"{path}: views of shape {array.shape}; expected {_AXES}")
     if array.shape[4] == 4:
         array = array[..., :3]
     if array.dtype.kind == "f" and array.dtype.itemsize in (4, 8):
@@ -104,19 +103,19 @@ def wrong_axes(shape: tuple[int, ...]) -> str | None:
     if colour and shape[0] in (1, 3, 4) and shape[4] == shape[3] < min(shape[1:3]):
         return (
             "the axes are in reversed order, (channels, width, height, columns, rows), as MATLAB's "
-            f"h5write and Julia leave them; transpose(4, 3, 2, 1, 0) makes {_EXPECTED[9:]}"
+            f"h5write and Julia leave them; transpose(4, 3, 2, 1, 0) makes {_AXES}"
         )
     if gray and shape[3] in (3, 4) and shape[0] > shape[3] and min(shape[1:3]) > shape[3]:
-        side = isqrt(shape[0])
+        side = math.isqrt(shape[0])
         square = side**2 == shape[0]
         into = f"reshape to ({side}, {side}, ...)" if square else "a square grid has 9, 25, 49 ..."
-        return f"a stack of {shape[0]} colour views on one axis; {into}: {_EXPECTED}"
+        return f"a stack of {shape[0]} colour views on one axis; {into}: expected {_AXES}"
     views, pixels = shape[2:4], shape[:2]
     if views[0] == views[1] < min(pixels):
         order = "(2, 3, 0, 1, 4)" if colour else "(2, 3, 0, 1)"
         return (
             f"the axes seem to be in the order (height, width, rows, columns), pixels first; "
-            f"transpose{order}, or (3, 2, 1, 0) if all are reversed, makes {_EXPECTED[9:]}"
+            f"transpose{order}, or (3, 2, 1, 0) if all are reversed, makes {_AXES}"
         )
     return None
 

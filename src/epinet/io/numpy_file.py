@@ -71,10 +71,8 @@ def read_npz(path: Path, wanted: Callable[[str, int], bool]) -> dict[str, NDArra
 
 def _header(file: IO[bytes], where: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     """Shape, whether the first axis is the fastest, and type."""
-    if npy.read_magic(file) != (1, 0):
-        raise InputError(
-            f"{where}: an array of fields, not of numbers"
-        )  # later versions are theirs
+    if npy.read_magic(file) != (1, 0):  # later versions hold fields
+        raise InputError(f"{where}: an array of fields, not of numbers")
     shape, by_columns, dtype = npy.read_array_header_1_0(file)
     if min(shape, default=0) < 0 or math.prod(shape) >= 2**62:
         raise InputError(f"{where}: its header says {short(shape)}, which no array can have")
