@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -279,3 +280,10 @@ READERS: dict[str, Reader] = {
     "raw_metadata": Reader(raw_beside, decodes),
     "white_metadata": Reader(raw_beside, whites),
 }
+
+BROKEN: dict[str, Reader] = {
+    "raises": Reader(log, lambda path: {}["key"]),
+    "grows": Reader(log, lambda path: bytearray(4 * 2**30)),
+    "ends": Reader(log, lambda path: os._exit(3)),
+}
+"""What the harness must see."""
