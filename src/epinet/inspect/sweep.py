@@ -286,18 +286,29 @@ def rough_range(star: Star, match: Match) -> tuple[float, float]:
     return max(-star.search, low - SLACK_PX), min(star.search, high + SLACK_PX)
 
 
-def fine_match(star: Star, step_px: float = FINE_STEP_PX) -> Match | None:
-    """A sweep over the disparities that a rough one finds, within the star's search or, where
-    nothing matches, a wider one. None without texture, or where no search finds a match.
-
-    Disparities are good to about 0.3 view pixels.
-    """
+def distinct_match(star: Star) -> tuple[Star, Match] | None:
+    """A rough match of the star within its search or, where nothing matches, a wider one; and the
+    star that looks so far. None without texture, or where no search finds a match."""
     rough = rough_match(star)
     while not rough.is_distinct:
         if not star.can_widen:
             return None
         star = star.widened()
         rough = rough_match(star)
+    return star, rough
+
+
+def fine_match(star: Star, step_px: float = FINE_STEP_PX) -> Match | None:
+    """A sweep over the disparities that a rough one finds; None where none does.
+
+    Disparities are good to about 0.3 view pixels.
+    """
+    found = distinct_match(star)
+    return None if found is None else refined_match(*found, step_px)
+
+
+def refined_match(star: Star, rough: Match, step_px: float) -> Match | None:
+    """A sweep over the disparities of a rough match; None where too few pixels are usable."""
     low, high = rough_range(star, rough)
     match = sweep(star.rings(max(abs(low), abs(high))), low, high, step_px)
     return replace(match, search=star.search) if match.has_pixels else None

@@ -14,7 +14,7 @@ from epinet.inspect.agreement import agreement
 from epinet.inspect.disparity_range import LONGER_SIDE_PX, range_match
 from epinet.inspect.order import OrderCheck, check_order
 from epinet.inspect.spacing import estimate_spacing, row_spacing, stretched
-from epinet.inspect.sweep import load_star
+from epinet.inspect.sweep import Match, load_star
 from epinet.lightfield import LightField
 
 CLEAR_FIT = 4.5
@@ -30,6 +30,8 @@ class Look:
     """In units of the columns' distance; 1 as far as the views tell no other."""
     order: OrderCheck | None
     """Where the views left doubts that they stand in order, up to the sign of disparity."""
+    match: Match | None
+    """Of the views `stretched` by that spacing, as `range_match` finds it."""
 
 
 @torch.inference_mode()
@@ -47,9 +49,12 @@ def look_at(lf: LightField) -> Look:
     if match is not None:
         agreed = agreement(star, match)
         if agreed.is_grid and agreed.fit >= CLEAR_FIT:
-            return Look(spacing, None)
+            return Look(spacing, None, match)
     elif not star.has_texture:
-        return Look(spacing, None)
+        return Look(spacing, None, match)
     order = check_order(lf)
     measured = row_spacing(order.spacing)
-    return Look(spacing if measured == 1 else measured, order)
+    if measured not in (1, spacing):
+        spacing = measured
+        match = range_match(load_star(stretched(lf, spacing), LONGER_SIDE_PX))
+    return Look(spacing, order, match)

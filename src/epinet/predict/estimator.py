@@ -27,7 +27,7 @@ from epinet.model.epinet import Epinet
 from epinet.model.sweepnet import SweepNet, searched
 from epinet.predict.doubts import doubts_about_search
 from epinet.predict.judgement import as_read, judge, smoothed
-from epinet.predict.preparation import prepare
+from epinet.predict.preparation import Prepared, prepare
 from epinet.predict.result import Result
 from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
 from epinet.synth.options import RANGES_PX
@@ -121,7 +121,7 @@ class Estimator:
         larger, size = views.enlargement, views.seen.size
         prepared = time.perf_counter()
         asked_px = range_px and (larger * range_px[0], larger * range_px[1])
-        map_ = self._estimate(weights, views.seen, ensemble, scale, asked_px, memory_mb, progress)
+        map_ = self._estimate(weights, views, ensemble, scale, asked_px, memory_mb, progress)
         found = enlarge(map_.disparity, scale, size).cpu().numpy()
         error = None if map_.error is None else enlarge(map_.error, scale, size).cpu().numpy()
         estimated = time.perf_counter()
@@ -171,14 +171,14 @@ class Estimator:
     def _estimate(
         self,
         weights: Weights,
-        lf: LightField,
+        views: Prepared,
         ensemble: bool,
         scale: int,
         range_px: tuple[float, float] | None,
         memory_mb: float,
         progress: Progress,
     ) -> _Map:
-        net = weights.net
+        net, lf = weights.net, views.seen
         streams = net.config.streams if isinstance(net, Epinet) else 4
         if ensemble and streams != 4:
             raise InputError("the ensemble turns streams into each other and needs all four")
@@ -191,7 +191,7 @@ class Estimator:
             disparity = _by_epinet(net, seen, ensemble, memory_mb, progress)
             return _Map(disparity, None, None, begun)
         star = star_of_stacks(stacks, LONGER_SIDE_PX)
-        match = range_match(star.exposed_alike())
+        match = views.match if views.is_matched else range_match(star.exposed_alike())
         seen = shrink(stacks, scale).to(self.device)
         if match is not None:
             even(seen, estimate_gains(star, match))

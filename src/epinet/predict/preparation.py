@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from epinet.errors import InputError
 from epinet.inspect.alignment import Alignment, estimate_alignment
 from epinet.inspect.spacing import stretched
+from epinet.inspect.sweep import Match
 from epinet.inspect.views import Look, look_at
 from epinet.lightfield import LightField
 from epinet.refine import compensated
@@ -24,6 +25,13 @@ class Prepared:
     """None where the origin of the views vouches for their order."""
     alignment: Alignment | None
     """Of the views before they were compensated, where it was measured."""
+    is_matched: bool
+    """Whether `match` is known: the look saw the views as the network sees them."""
+
+    @property
+    def match(self) -> Match | None:
+        """Of the seen views, as `range_match` finds it, if it is known."""
+        return self.look.match if self.look is not None and self.is_matched else None
 
     @property
     def enlargement(self) -> float:
@@ -49,8 +57,9 @@ def prepare(lf: LightField, refine: bool) -> Prepared:
         if guessed and not look.order.is_grid:
             raise InputError(f"{lf.source or 'light field'}: {look.order.verdict}")
     spacing = 1.0 if look is None else look.row_spacing
-    seen = stretched(lf, spacing)
+    looked_at = seen = stretched(lf, spacing)
     alignment = estimate_alignment(seen) if refine else None
     if alignment is not None:
         seen = compensated(seen, alignment)
-    return Prepared(replace(lf, row_spacing=spacing), seen, look, alignment)
+    same = look is not None and seen is looked_at
+    return Prepared(replace(lf, row_spacing=spacing), seen, look, alignment, same)
