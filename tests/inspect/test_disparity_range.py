@@ -9,6 +9,8 @@ import torch
 from epinet.inspect import estimate_range
 from epinet.inspect.sweep import SLACK_PX, Match, load_star, rough_range
 from epinet.lightfield import LightField
+from epinet.synth.generator import render_scene
+from epinet.synth.options import Options
 
 Renderer = Callable[..., LightField]
 
@@ -65,6 +67,31 @@ def test_end_of_the_search_is_reported(render: Renderer) -> None:
         found = estimate_range(render({disparity: None}, grid=3, size=(200, 200)))
         assert found is not None and not found.hits_limit
         assert (found.min_px, found.max_px) == pytest.approx((disparity, disparity), abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("far", "near", "noise"), [(-1, 45, 0.0), (-1, 45, 0.03), (-10, 62, 0.0), (-45, 5, 0.0)]
+)
+def test_a_part_beyond_the_search_widens_it_though_the_rest_matches_within(
+    far: float, near: float, noise: float, render: Renderer
+) -> None:
+    """Be it near before a far background, or the background itself."""
+    disc = (0.45, 0.4, 0.12) if near > 32 else (0.5, 0.4, 0.3)
+    measured = estimate_range(render({far: None, near: disc}, 3, size=(230, 260), noise=noise))
+    assert measured is not None and not measured.hits_limit and measured.search_px > 32
+    assert (measured.min_px, measured.max_px) == pytest.approx((far, near), abs=0.6)
+
+
+def test_what_matches_nowhere_does_not_widen_the_search(render: Renderer) -> None:
+    """Wide occlusions, noise, and mirrors with highlights."""
+    mirrors = Options(size=(140, 180), views=3, surfaces=(6, 8), reflective=1, highlights=1)
+    for lf in (
+        render({-25: None, 20: DISC}, grid=3, size=(200, 240)),
+        render({-1: None, 1: DISC}, grid=3, size=(200, 240), contrast=0.03, noise=0.05),
+        render_scene(mirrors, 5, 0, star_only=True),
+    ):
+        measured = estimate_range(lf)
+        assert measured is not None and measured.search_px == 32
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

@@ -205,6 +205,25 @@ def test_views_that_may_be_otherwise_than_taken_to_be_are_warned_of():
     assert not any("exceed" in w for w in told.warnings)
 
 
+def test_something_beyond_the_search_is_found_before_a_background_within_it(model):
+    """3x3 views of 200x200 px, half a pixel of error at most in both."""
+    rng = np.random.default_rng(0)
+    texture = gaussian_filter(rng.normal(size=(2, 320, 320)), (0, 1.5, 1.5))
+    far, near = (0.5 + 0.12 * texture / texture.std()).clip(0, 1).astype(np.float32)
+    views = np.empty((3, 3, 200, 200, 1), np.float32)
+    for row, col in np.ndindex(3, 3):
+        down, right = 45 * (row - 1), 45 * (col - 1)
+        views[row, col, ..., 0] = far[60 + row : 260 + row, 60 + col : 260 + col]
+        box = slice(70 - down, 130 - down), slice(70 - right, 130 - right)
+        views[row, col, ..., 0][box] = near[70:130, 70:130]
+    result = model.predict(LightField(views))
+    assert not result.warnings
+    assert np.median(np.abs(result.disparity[70:130, 70:130] - 45)) < 0.1
+    truth = np.full((200, 200), 1.0)
+    truth[70:130, 70:130] = 45
+    assert (np.abs(result.disparity - truth) < 0.5).mean() > 0.9
+
+
 def test_a_stated_range_is_what_is_looked_for(model, scene):
     """In px of the map, whatever the scale that the network sees."""
     measured = model.predict(scene)

@@ -5,23 +5,34 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import torch
+from torch import Tensor
 
 from epinet.inspect.sweep import (
     FINE_STEP_PX,
     ROUGH_STEP_PX,
     TAIL,
+    WINDOW,
     Match,
     Star,
-    fine_match,
+    distinct_match,
     load_star,
+    refined_match,
+    rough_match,
 )
 from epinet.lightfield import LightField
+from epinet.squares import box_mean
 
 LONGER_SIDE_PX = 192
 """Longer side of the working images: enough for a range, in half the time of the usual one."""
 SPACING_PX = 1 / 3
 """Planes lie so far apart, in pixels per adjacent view, where a sweep's steps are no finer than
 that: with many views fewer planes do."""
+PART_PX, PART_SHARE = 9, 0.6
+"""A part of the picture holds a square of so many working pixels, but for a few of them: this share
+of them belongs to it at least. Real scenes have no such part that nothing explains; rendered ones
+have, beside wide occlusions and in mirrors, but none that larger disparities explain."""
+STEADY_PX = 1.0
+"""Neighbours that match in earnest differ by less, root mean square, in working pixels."""
 NOTHING_MATCHES = (
     "the views have texture, but nothing matches within the disparities that were searched, as far "
     "as views of this size tell: are the views in order? If disparities are known, give --range"
@@ -85,16 +96,42 @@ def estimate_range(lf: LightField) -> DisparityRange | None:
 def range_match(star: Star) -> Match | None:
     """A plane sweep, rough to fine, that tells the range. None without texture or a match.
 
-    Where the range ends with the search, a wider one is tried.
+    Where the range ends with the search, or a part of the picture matches only beyond it, as
+    something near does before a far background, a wider one is tried.
 
     Args:
         star: exposed alike, in working images of LONGER_SIDE_PX.
     """
-    match = fine_match(star, _step_px(star))
+    match = _match_within(star)
     while match is not None and _hits_limit(star, match) and star.can_widen:
         star = star.widened()
-        match = fine_match(star, _step_px(star))
+        match = _match_within(star)
     return match
+
+
+def _match_within(star: Star) -> Match | None:
+    found = distinct_match(star)
+    return None if found is None else refined_match(*_with_all_parts(*found), _step_px(star))
+
+
+def _with_all_parts(star: Star, rough: Match) -> tuple[Star, Match]:
+    """The star and its rough match, or such of a wider search that explains a textured part which
+    this one does not."""
+    wider, unexplained = star, star.textured & ~rough.explained
+    while _is_part(unexplained) and wider.can_widen:
+        wider = wider.widened()
+        tried = rough_match(wider)
+        mean, mean_square = box_mean(torch.stack([tried.disparity, tried.disparity**2]), WINDOW)
+        steady = mean_square - mean**2 < STEADY_PX**2
+        beyond = tried.usable & tried.explained & (tried.disparity.abs() > star.search)
+        if _is_part(unexplained & steady & beyond):
+            star, rough, unexplained = wider, tried, unexplained & ~tried.explained
+    return star, rough
+
+
+def _is_part(pixels: Tensor) -> bool:
+    """Whether pixels (H, W) hold a square that is of meaningful size."""
+    return float(box_mean(pixels[None].float(), PART_PX).max()) > PART_SHARE
 
 
 def _hits_limit(star: Star, match: Match) -> bool:

@@ -169,6 +169,11 @@ class Match:
         return float(self.chance_cost[self.usable].mean()) > MIN_DISTINCTION * self.residual
 
     @property
+    def explained(self) -> Tensor:
+        """(H, W) bool: where the best plane fits clearly better than chance; of a wide sweep."""
+        return torch.gt(self.chance_cost, MIN_DISTINCTION * self.cost)
+
+    @property
     def typical_cost(self) -> float:
         """Median cost of the usable pixels: about the noise of the views."""
         return float(self.cost[self.usable].median())
@@ -278,8 +283,7 @@ def rough_range(star: Star, match: Match) -> tuple[float, float]:
 
     Pixels that no plane explains, as in a mirror, match best wherever chance has it.
     """
-    explained = match.usable & (match.chance_cost > MIN_DISTINCTION * match.cost)
-    distinct = replace(match, usable=explained)
+    distinct = replace(match, usable=match.usable & match.explained)
     if distinct.has_pixels:
         match = distinct
     low, high = match.disparity_percentiles(TAIL)
