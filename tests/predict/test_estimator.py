@@ -150,13 +150,25 @@ def test_confidence_prefers_the_truth(scene):
         assert agreement(scene, wrong)[0].mean() < right.mean() - 0.05
 
 
-@pytest.mark.parametrize(("level", "noise"), [(0.5, 0), (1, 0), (1e-40, 0), (0.5, 0.02)])
-def test_nothing_is_sure_where_there_is_no_texture(level, noise):
-    """Any disparity agrees there; noise is no texture either."""
-    views = np.full((5, 5, 40, 48, 1), level, np.float32)
+@pytest.mark.parametrize("level", [0, 1e-40, 0.02, 0.5, 0.99, 1, 1.03])
+@pytest.mark.parametrize("noise", [0, 0.01, 0.05])
+@pytest.mark.parametrize("side", [3, 9])
+def test_nothing_is_sure_where_there_is_no_texture(level, noise, side):
+    """Any disparity agrees there; noise is no texture either, clipped at white or black or not."""
+    views = np.full((side, side, 40, 48, 1), level, np.float32)
     views += np.random.default_rng(0).normal(0, noise, views.shape).astype(np.float32)
     flat = LightField(views.clip(0, 1))
-    assert np.median(agreement(flat, np.zeros((40, 48), np.float32))[1]) < 0.3
+    for disparity in (0, 1.3):
+        confidence = agreement(flat, np.full((40, 48), disparity, np.float32))[1]
+        assert np.median(confidence) < 0.1
+
+
+@pytest.mark.parametrize("gain", [1, 1.6])
+def test_texture_is_seen_under_noise_and_beside_clipped_samples(scene, gain):
+    noise = np.random.default_rng(0).normal(0, 0.01, scene.views.shape).astype(np.float32)
+    noisy = LightField((gain * scene.views + noise).clip(0, 1))
+    consistent, sure = agreement(noisy, scene.truth)
+    assert np.median(sure) > 0.9 * np.median(consistent)
 
 
 def test_texture_that_matches_nowhere_near_is_no_support(scene):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import torch
 from torch import Tensor
 
 from epinet.shifts import gradients_of
@@ -19,6 +20,7 @@ def disparity_deviation(
     offsets: Sequence[tuple[int, int]],
     other: Tensor | float = 0.0,
     window_px: int = WINDOW_PX,
+    halves: tuple[Tensor, Tensor] | None = None,
 ) -> Tensor:
     """Standard deviation of the best estimate of each disparity: its Cramer-Rao bound.
 
@@ -33,6 +35,9 @@ def disparity_deviation(
         other: standard deviation of what else makes views differ, which the centre view does not
             show as noise.
         window_px: side of the square over which a disparity is taken to be the same.
+        halves: (B, 1, H, W) means of two halves of the other views, moved onto the centre view.
+            Texture then counts only as far as both show it: noise differs from view to view, and
+            where samples are clipped its deviation alone does not tell it from texture.
 
     Returns:
         (B, 1, H, W) px per adjacent view; infinite where there is no texture. The window's half
@@ -44,4 +49,7 @@ def disparity_deviation(
     # Noise itself has differences: half its variance in each direction.
     texture = cols * across**2 + rows * down**2 - 0.5 * (rows + cols) * variance
     told, against = (box_mean(t, window_px) for t in (texture, variance + other * other))
+    if halves is not None:
+        down, across = (gradients_of(halves[0]) * gradients_of(halves[1])).chunk(2, 1)
+        told = torch.minimum(told, box_mean(cols * across + rows * down, window_px))
     return (window_px**2 * told.clamp_min(0) / against).rsqrt()

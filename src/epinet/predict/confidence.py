@@ -18,7 +18,8 @@ mirrors, or the views are noisy). On a textureless wall any disparity agrees; so
     1 / (1 + (deviation / 0.07 px)^2)
 
 where the deviation is that of the best estimate (its Cramer-Rao bound) from the texture along the
-epipolar lines against the noise, over a window (`observability`).
+epipolar lines against the noise, over a window (`observability`). Texture is what the straight and
+the diagonal views show alike under the estimate; noise, which differs from view to view, is none.
 
 Both kinds are lowered where the picture has texture and yet the views agree no better under the
 estimate than under wrong disparities (`support`): there the views stand elsewhere, or the true
@@ -118,24 +119,30 @@ def agreement(
     lf: LightField, disparity: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Photo-consistency of a map, and that times its observability; (H, W) each, in 0..1."""
-    differences = _differences(lf, disparity)
+    differences, *halves = _differences(lf, disparity)
     consistent = 1 / (1 + (differences / TOLERANCE) ** 2)
-    seen = observability(lf, 2 * differences)
+    seen = observability(lf, 2 * differences, *halves)
     return consistent.numpy(), (consistent * seen).numpy()
 
 
-def observability(lf: LightField, noise: Tensor) -> Tensor:
+def observability(lf: LightField, noise: Tensor, straight: Tensor, diagonal: Tensor) -> Tensor:
     """(H, W) in 0..1: how well the views tell a disparity.
 
     Args:
         noise: (H, W) standard deviation of the views' noise, of samples in 0..1.
+        straight: (H, W) mean of the views in the centre row and column, moved onto the centre view.
+        diagonal: (H, W) that of the views of the diagonals.
     """
     row, col = lf.centre
     offsets = [(r - row, c - col) for r, c in star_positions(lf.grid[0])]
     gray = torch.from_numpy(np.ascontiguousarray(lf.gray(row, col)))
     noise = noise.square().add(ROUNDING**2).sqrt()
     deviation = disparity_deviation(
-        gray[None, None], noise[None, None], offsets, window_px=WINDOW_PX
+        gray[None, None],
+        noise[None, None],
+        offsets,
+        window_px=WINDOW_PX,
+        halves=(straight[None, None], diagonal[None, None]),
     )
     seen: Tensor = 1 / (1 + (deviation[0, 0] / WITHIN_PX) ** 2)
     return seen
@@ -158,8 +165,13 @@ def support(lf: LightField, disparity: NDArray[np.float32]) -> NDArray[np.float3
     return F.interpolate(kept[None, None], lf.size, mode="bilinear")[0, 0].numpy()
 
 
-def _differences(lf: LightField, disparity: NDArray[np.float32]) -> Tensor:
-    """(H, W) mean difference of the better half of the views under a map, over 3x3 pixels."""
+def _differences(lf: LightField, disparity: NDArray[np.float32]) -> tuple[Tensor, Tensor, Tensor]:
+    """Of the views moved onto the centre view by a map, (H, W) each.
+
+    Returns:
+        mean difference of the better half of the views, over 3x3 pixels; and the means of the
+        straight and of the diagonal views.
+    """
     height, width = disparity.shape
     centre = lf.centre
     star = [p for p in star_positions(lf.grid[0]) if p != centre]
@@ -168,19 +180,22 @@ def _differences(lf: LightField, disparity: NDArray[np.float32]) -> Tensor:
     moves = [(float(row - centre[0]), float(col - centre[1])) for row, col in star]
     d = torch.from_numpy(np.ascontiguousarray(disparity))
     rows = max(1, BAND_PX // width)
-    residual = torch.cat(
-        [
-            _residual(views, reference[top : top + rows], d[top : top + rows], moves, top)
-            for top in range(0, height, rows)
-        ]
-    )
-    return box_mean(residual, 3)
+    bands = [
+        _moved(views, reference[top : top + rows], d[top : top + rows], moves, top)
+        for top in range(0, height, rows)
+    ]
+    residual, straight, diagonal = torch.cat(bands, 1)
+    return box_mean(residual, 3), straight, diagonal
 
 
-def _residual(
+def _moved(
     views: Tensor, reference: Tensor, d: Tensor, moves: Sequence[tuple[float, float]], top: int
 ) -> Tensor:
-    """(rows, W) mean difference over the better half of the views, for a band of rows."""
-    difference = (sampled(views[None], d[None, None], moves, top)[0] - reference).abs()
+    """(3, rows, W) for a band of rows: mean difference over the better half of the views, and the
+    means of straight and diagonal ones."""
+    seen = sampled(views[None], d[None, None], moves, top)[0]
+    straight = torch.tensor([0 in move for move in moves])
+    means = seen[straight].mean(0), seen[~straight].mean(0)
+    difference = seen.sub_(reference).abs_()
     half = difference.shape[0] // 2
-    return difference.topk(half, dim=0, largest=False).values.mean(0)
+    return torch.stack([difference.topk(half, dim=0, largest=False).values.mean(0), *means])
