@@ -160,6 +160,17 @@ def test_tiles_give_nearly_what_the_whole_gives(model, scene, monkeypatch):
     assert error.min() > 0
 
 
+@pytest.mark.parametrize(("range_px", "bound_px"), [((-2.0, 2.0), 1e-5), ((-2.0, 14.0), 3e-5)])
+def test_tiles_begin_where_the_smallest_pictures_have_pixels(model, range_px, bound_px):
+    """Or means of pixels, and so all that follows, would differ from the whole's everywhere."""
+    net = model.weights[0].net
+    stacks = torch.from_numpy(plane(0.37, side=139).stacks(9))
+    whole, _ = run_overlapping(net, stacks, range_px, 4000)
+    tiled, _ = run_overlapping(net, stacks, range_px, 1)
+    difference = (tiled - whole).abs()
+    assert difference.median() < bound_px and difference.max() < 0.02
+
+
 def test_errors_are_small_where_the_confidence_is_high(model, scene):
     result = model.predict(scene)
     inner = (slice(15, -15), slice(15, -15))

@@ -290,6 +290,11 @@ class SweepNet(nn.Module):
         count = math.ceil((high - low) / spacing + 1) + 1
         return levels, torch.linspace(low - spacing / 2, high + spacing / 2, count)
 
+    def coarsest_px(self, range_px: tuple[float, float], views: int) -> int:
+        """Side of the squares of pixels that its smallest pictures show as one: costs are
+        `gathered` at half the resolution that is swept. Arguments as of `hypotheses`."""
+        return int(2 ** (self.hypotheses(range_px, views)[0] + 2))
+
     def forward(self, stacks: Tensor, range_px: tuple[float, float] = (-4.0, 4.0)) -> Estimates:
         """Disparity of the centre view.
 

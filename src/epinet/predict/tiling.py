@@ -2,6 +2,8 @@
 
 EPINET's convolutions are valid, so its tiles give exactly what the whole picture gives. SweepNet
 sees far: its tiles overlap by `OVERLAP_PX`, beyond which little reaches (see docs/sweepnet.md).
+They begin where pixels of its smallest pictures begin, or those would show other means than in the
+whole.
 """
 
 from __future__ import annotations
@@ -80,9 +82,14 @@ def run_overlapping(
     side = math.isqrt(int(memory_mb * 2**20 / 4 / FLOATS_PER_PX))
     inner = max(64, side - 2 * OVERLAP_PX) if max(height, width) > side else side
     disparity, error = torch.empty(2, height, width, device=stacks.device)
+    coarsest = net.coarsest_px(range_px, stacks.shape[1])
+
+    def shown(start: int, stop: int) -> slice:
+        first = max(0, start - OVERLAP_PX) // coarsest
+        return slice(first * coarsest, -(-(stop + OVERLAP_PX) // coarsest) * coarsest)
+
     for top, bottom, left, right in _tiles(height, width, inner):
-        rows = slice(max(0, top - OVERLAP_PX), bottom + OVERLAP_PX)
-        cols = slice(max(0, left - OVERLAP_PX), right + OVERLAP_PX)
+        rows, cols = shown(top, bottom), shown(left, right)
         with torch.backends.cudnn.flags(allow_tf32=False):  # float32 means float32
             made = net(stacks[None, :, :, rows, cols], range_px)
         for whole, tile in ((disparity, made.maps[-1]), (error, made.log_error.exp())):
