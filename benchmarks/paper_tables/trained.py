@@ -166,8 +166,7 @@ class Trainings:
     def _judged_by(self) -> Validation:
         """Of 9x9 views, so that all runs are judged by the same scenes."""
         if self.validation:
-            scenes = find_light_fields(self.validation)
-            return Validation.of_folders(scenes, 9, find_light_fields(self.data))
+            return Validation.of_folders(self.validation, 9, find_light_fields(self.data))
         return Validation.rendered(9, RANGES_PX["hci"])
 
 

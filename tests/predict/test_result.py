@@ -6,15 +6,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import torch
 from PIL import Image
+from scipy.io import savemat
 
 import epinet
 from epinet.benchmark.scenes import scene_folders
 from epinet.errors import InputError
-from epinet.io import read_pfm, write_light_field
+from epinet.io import read_light_field, read_pfm, write_light_field
 from epinet.lightfield import LightField
 from epinet.predict.batch import (
     Options,
@@ -126,22 +128,80 @@ def test_a_folder_stands_for_the_light_fields_inside(lf, tmp_path):
     remarks = []
     found = find_light_fields([tmp_path], say=remarks.append)
     assert [p.name for p in found] == ["flower_eslf.png", "stack.npz", "views"]
-    assert [str(tmp_path / "other") in r for r in remarks] == [True]
+    assert len(remarks) == 2
+    assert str(tmp_path / "other") in remarks[0]
+    assert "photo.png, readme.txt in" in remarks[1]
+
+
+def stray_files(folder):
+    """Files with the endings of light fields that hold something else; and one of no ending."""
+    folder.mkdir(exist_ok=True)
+    np.save(folder / "map.npy", np.ones((40, 50), np.float32))
+    np.savez(folder / "maps.npz", a=np.ones((40, 50)), b=np.ones((40, 50, 3)))
+    savemat(folder / "maps.mat", {"disparity": np.ones((40, 50))})
+    for ending in ("h5", "hdf5"):
+        with h5py.File(folder / f"weights.{ending}", "w") as file:
+            file["kernel"] = np.ones((3, 3))
+    with h5py.File(folder / "v73.mat", "w", userblock_size=512) as file:
+        file["disparity"] = np.ones((40, 50))
+    for name in (
+        "text.npy",
+        "text.npz",
+        "text.mat",
+        "text.h5",
+        "notes",
+        "photo.raw",
+        "MOD_0001.RAW",
+    ):
+        (folder / name).write_text("No light field at all, whatever the ending says.\n" * 9)
+    (folder / "empty.npy").touch()
+    return {path.name for path in folder.iterdir()}
+
+
+def test_files_that_hold_no_light_field_are_left_out_unless_they_are_alone(lf, tmp_path):
+    strays = stray_files(tmp_path / "strays")
+    endless = {"notes"}
+    alone = find_light_fields([tmp_path / "strays"])
+    assert {p.name for p in alone} == strays - endless
+    assert find_light_fields([tmp_path / "strays" / "map.npy"]) == [tmp_path / "strays" / "map.npy"]
+    for path in alone:
+        with pytest.raises(InputError, match=path.name):
+            read_light_field(path)
+
+    stray_files(tmp_path / "mixed")
+    write_light_field(tmp_path / "mixed" / "scene", lf, "hci")
+    remarks = []
+    found = find_light_fields([tmp_path / "mixed"], say=remarks.append)
+    assert [p.name for p in found] == ["scene"]
+    assert len(remarks) == 1 and "and 4 more" in remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "layout"),
+    [("a.npy", "array"), ("a.npz", "array"), ("a.mat", "lftoolbox"), ("a.h5", "hci_hdf5")],
+)
+def test_a_damaged_light_field_is_not_left_out(lf, tmp_path, name, layout):
+    write_light_field(tmp_path / "scene", lf, "hci")
+    write_light_field(tmp_path / name, lf, layout)
+    whole = (tmp_path / name).read_bytes()
+    for damaged in (whole, whole[: len(whole) // 2], b"version https://git-lfs.github.com/spec/v1"):
+        (tmp_path / name).write_bytes(damaged)
+        assert [p.name for p in find_light_fields([tmp_path])] == [name, "scene"]
 
 
 def test_light_fields_may_be_sorted_into_folders(lf, tmp_path):
     """As `evaluate` finds the benchmark's; but what lies in results there is none."""
-    for name in ("boxes", "training/cotton", "too/deep/dots"):
+    for name in ("boxes", "training/cotton", "full/additional/dots", "much/too/deep/vinyl"):
         write_light_field(tmp_path / name, lf, "hci")
     (tmp_path / "out" / "boxes").mkdir(parents=True)
     np.save(tmp_path / "out" / "boxes" / "disparity.npy", lf.views[0, 0, ..., 0])
     remarks = []
     found = find_light_fields([tmp_path], say=remarks.append)
     assert sorted(p.name for p in found) == sorted(scene_folders(tmp_path))
-    assert {p.name for p in found} == {"boxes", "cotton"}
+    assert {p.name for p in found} == {"boxes", "cotton", "dots"}
     assert len(remarks) == 2
-    assert f"left out: {tmp_path / 'out'} " in remarks[0]
-    assert f"left out: {tmp_path / 'too'} " in remarks[1]
+    assert f"left out: {tmp_path / 'much'} " in remarks[0]
+    assert f"left out: {tmp_path / 'out'} " in remarks[1]
 
 
 def test_a_changed_input_is_predicted_again(estimator, lf, tmp_path):

@@ -155,6 +155,26 @@ def test_what_is_missing_is_named_all_at_once(scenes, tmp_path):
     Folders([centre_only], Needs(views=3), side_px=24)
 
 
+def test_of_a_folder_scenes_that_cannot_be_used_are_left_out(scenes, tmp_path):
+    lf = read_light_field(scenes[0])
+    write_light_field(tmp_path / "training" / "boxes", lf, "hci")
+    write_light_field(tmp_path / "test" / "herbs", replace(lf, truth=None), "hci")
+    write_light_field(tmp_path / "small", lf.central(3), "hci")
+    (tmp_path / "readme.txt").touch()
+    notes = []
+    source = Folders([tmp_path], Needs(views=5), side_px=24, say=notes.append)
+    assert len(source.scenes) == 1
+    text = "\n".join(notes)
+    assert "herbs: no truth" in text and "small: 5x5 views are needed" in text
+    assert "readme.txt in" in text
+    for named in ([tmp_path, tmp_path / "test" / "herbs"], [tmp_path / "test"]):
+        with pytest.raises(InputError, match="herbs: no truth"):
+            Folders(named, Needs(views=5), side_px=24)
+    (tmp_path / "small" / "input_Cam004.png").write_bytes(b"broken")
+    with pytest.raises(InputError, match="Cam004"):
+        Folders([tmp_path], Needs(views=5), side_px=24)
+
+
 def test_a_star_has_too_few_views_for_view_shift(tmp_path):
     out = write_dataset(tmp_path / "star", OPTIONS, seed=3, scenes=1, star_only=True, truths=True)
     with pytest.raises(InputError, match="view_shift needs all of them"):

@@ -81,3 +81,25 @@ def test_rendered_scenes_are_no_mirrors():
         np.testing.assert_array_equal(known, ~lf.masks["invalid"])
         assert known[15:-15, 15:-15].mean() >= 0.5
     assert not all(np.isfinite(lf.truth).all() for lf in scenes.values())  # the law was put to use
+
+
+def test_of_a_folder_scenes_that_do_not_apply_are_left_out(scene, tmp_path):
+    folder = tmp_path / "all" / "hci"
+    write_light_field(folder / "training" / "boxes", scene, "hci")
+    write_light_field(folder / "training" / "taken", scene, "hci")
+    write_light_field(folder / "test" / "herbs", replace(scene, truth=None), "hci")
+    np.save(folder / "map.npy", np.ones((40, 50)))
+    taken, notes = [folder / "training" / "taken"], []
+    found = Validation.of_folders([tmp_path / "all"], 3, taken, notes.append)
+    assert list(found.scenes) == ["boxes"]
+    assert sorted(notes) == [
+        f"left out: {folder / 'test' / 'herbs'}: no truth to validate with inside the border of 15 "
+        "px",
+        f"left out: {folder / 'training' / 'taken'}: is trained on; validate on other scenes",
+    ]
+    with pytest.raises(InputError, match="herbs: no truth"):
+        Validation.of_folders([folder, folder / "test" / "herbs"], 3)
+    with pytest.raises(InputError, match="herbs: no truth"):
+        Validation.of_folders([folder / "test"], 3)
+    with pytest.raises(InputError, match="3x3"):
+        Validation.of_folders([folder], 5)

@@ -80,9 +80,7 @@ def train(
     scenes = None
     if validation:
         trained_on = find_light_fields(chosen.folders)
-        scenes = Validation.of_folders(
-            find_light_fields(validation, say=remark), chosen.views, trained_on
-        )
+        scenes = Validation.of_folders(validation, chosen.views, trained_on, remark)
     with team(on) as processes:
         run = Run(
             chosen,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io.layout import Layout
-from epinet.io.numpy_file import read_npy, read_npz
+from epinet.io.numpy_file import npy_shape, read_npy, read_npz
 from epinet.io.problems import parsing
 from epinet.io.truth import checked_truth
 from epinet.lightfield import LightField
@@ -24,6 +24,8 @@ from epinet.reading import open_regular
 
 _SUFFIXES = (".npy", ".npz")
 _NAMES = ("views", "truth")
+_VIEW_AXES = (4, 5)
+_NPY, _ZIP = b"\x93NUMPY", b"PK"
 _AXES = (
     "(rows, columns, height, width) or (rows, columns, height, width, channels) with 1, 3 or 4 "
     "channels"
@@ -33,6 +35,16 @@ _AXES = (
 def recognises(path: Path) -> bool:
     """Whether it is named like a numpy file."""
     return path.suffix.lower() in _SUFFIXES
+
+
+def holds_views(path: Path) -> bool:
+    """Whether an array in it is named `views`, or has the axes of views."""
+    if not _begins_as(path, _NPY, _ZIP):
+        return False
+    if _begins_as(path, _NPY):
+        return len(npy_shape(path)) in _VIEW_AXES
+    arrays = read_npz(path, lambda name, axes: False)
+    return any(name == "views" or array.ndim in _VIEW_AXES for name, array in arrays.items())
 
 
 def read(path: Path) -> LightField:
@@ -92,6 +104,16 @@ def light_field_of(array: NDArray[Any], path: Path) -> LightField:
     return LightField(views, present_views(views))
 
 
+def has_reversed_axes(shape: tuple[int, ...]) -> bool:
+    """Whether it can only be (channels, width, height, columns, rows), as MATLAB writes HDF5."""
+    return (
+        len(shape) == 5
+        and shape[0] in (1, 3, 4)
+        and shape[4] == shape[3] < min(shape[1:3])
+        and shape[3] > 0
+    )
+
+
 def wrong_axes(shape: tuple[int, ...]) -> str | None:
     """What order the axes of views seem to have, and how to put them right; None if as expected.
 
@@ -100,7 +122,7 @@ def wrong_axes(shape: tuple[int, ...]) -> str | None:
     gray, colour = len(shape) == 4, len(shape) == 5
     if not (gray or colour) or 0 in shape:
         return None
-    if colour and shape[0] in (1, 3, 4) and shape[4] == shape[3] < min(shape[1:3]):
+    if has_reversed_axes(shape):
         return (
             "the axes are in reversed order, (channels, width, height, columns, rows), as MATLAB's "
             f"h5write and Julia leave them; transpose(4, 3, 2, 1, 0) makes {_AXES}"
@@ -156,19 +178,22 @@ def present_views(views: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
-    with open_regular(path) as file:
-        beginning = file.read(6)
-    if beginning.startswith(b"\x93NUMPY"):
+    if _begins_as(path, _NPY):
         return {"views": read_npy(path)}
-    if beginning.startswith(b"PK"):
-        return read_npz(path, lambda name, axes: name in _NAMES or axes in (4, 5))
+    if _begins_as(path, _ZIP):
+        return read_npz(path, lambda name, axes: name in _NAMES or axes in _VIEW_AXES)
     raise InputError(f"{path}: not a numpy file, or its beginning is damaged")
+
+
+def _begins_as(path: Path, *magic: bytes) -> bool:
+    with open_regular(path) as file:
+        return file.read(len(_NPY)).startswith(magic)
 
 
 def _views(path: Path, arrays: dict[str, NDArray[Any]]) -> NDArray[Any]:
     if "views" in arrays:
         return arrays["views"]
-    candidates = [name for name, array in arrays.items() if array.ndim in (4, 5)]
+    candidates = [name for name, array in arrays.items() if array.ndim in _VIEW_AXES]
     if len(candidates) != 1:
         found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items()) or "nothing"
         raise InputError(f"{path}: needs an array named views; it holds {found}")
@@ -182,4 +207,5 @@ LAYOUT = Layout(
     read=read,
     write=write,
     suffixes=_SUFFIXES,
+    holds_views=holds_views,
 )

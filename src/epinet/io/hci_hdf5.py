@@ -7,7 +7,8 @@ and dV (distance of the views), focalLength (in pixels) and shift, by which
 
 in pixels per adjacent view, larger when nearer. Most readers of the archive's files reverse h (its
 cameras are stored right to left), some do not, and the file does not say: the images decide. A
-file that we write from a camera's views has the attribute captured.
+file that we write from a camera's views has the attribute captured. Axes in reversed order, as
+MATLAB's h5write leaves them, are put right where the sizes tell; GT_DEPTH's are, then, too.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.inspect.order import Arrangement, check_order
-from epinet.io.array import light_field_of
+from epinet.io.array import has_reversed_axes, light_field_of
 from epinet.io.hdf5 import array_of, member, open_hdf5
 from epinet.io.layout import Layout
 from epinet.io.truth import checked_truth
@@ -33,9 +34,25 @@ REVERSED_COLUMNS = Arrangement(flip_cols=True)
 _REVERSED_NOTE = "the views' columns were stored right to left (measured) and have been reversed"
 
 
+_REVERSED_AXES_NOTE = (
+    "the axes of LF were in reversed order, (channels, width, height, columns, rows), as MATLAB's "
+    "h5write leaves them, and have been put right"
+)
+
+
 def recognises(path: Path) -> bool:
     """Whether it is named like an HDF5 file."""
     return path.suffix.lower() in _SUFFIXES
+
+
+def holds_views(path: Path) -> bool:
+    """Whether it is HDF5 with something named LF."""
+    import h5py
+
+    if not h5py.is_hdf5(path):
+        return False
+    with open_hdf5(path) as file:
+        return "LF" in file
 
 
 def read(path: Path) -> LightField:
@@ -50,14 +67,20 @@ def read(path: Path) -> LightField:
         depth = array_of(file, "GT_DEPTH", path) if has_depth else None
         captured = bool(file.attrs.get("captured", False))
         attributes = {name: _number(file.attrs[name], name, path) for name in _stated(file.attrs)}
+    is_reversed = has_reversed_axes(array.shape)
+    if is_reversed:
+        array, depth = array.T, None if depth is None else depth.T
     lf = replace(_left_to_right(light_field_of(array, path)), captured=captured)
+    columns_reversed = bool(lf.notes)
+    if is_reversed:
+        lf = replace(lf, notes=(*lf.notes, _REVERSED_AXES_NOTE))
     if depth is None:
         return lf
     if len(attributes) < 3:
         note = "GT_DEPTH is left out: the attributes dH, focalLength and shift are needed with it"
         return replace(lf, notes=(*lf.notes, note))
     if depth.ndim == 4 and depth.shape[:2] == lf.grid:
-        if lf.notes:  # the views have been reversed
+        if columns_reversed:
             depth = depth[:, ::-1]
         depth = depth[lf.centre]
     truth = checked_truth(_disparity_px(depth, attributes), lf.size, f"{path}, GT_DEPTH")
@@ -128,5 +151,6 @@ LAYOUT = Layout(
     read=read,
     write=write,
     suffixes=_SUFFIXES,
+    holds_views=holds_views,
     rendered=True,
 )

@@ -26,6 +26,8 @@ class Layout:
     """Of its files; empty for a layout that is a folder."""
     file_names: str = ""
     """Pattern of the names of all files that `write` may put into a folder."""
+    holds_views: Callable[[Path], bool] = lambda path: True
+    """Whether a file that is recognised by its name holds views by its header, damaged or not."""
     rendered: bool = False
     """What lies in it is rendered unless it says otherwise; else a camera took it."""
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from epinet.io.array import light_field_of
 from epinet.io.layout import Layout
-from epinet.io.mat import read_variable
+from epinet.io.mat import has_variable, read_variable
 from epinet.lightfield import LightField
 
 _USER_BLOCK_BYTES = 512
@@ -25,6 +25,11 @@ _V5_LIMIT_BYTES = 2**31 - 1
 def recognises(path: Path) -> bool:
     """Whether it is named like a .mat file."""
     return path.suffix.lower() == ".mat"
+
+
+def holds_views(path: Path) -> bool:
+    """Whether it has a variable LF."""
+    return has_variable(path, "LF")
 
 
 def read(path: Path) -> LightField:
@@ -75,4 +80,5 @@ LAYOUT = Layout(
     read=read,
     write=write,
     suffixes=(".mat",),
+    holds_views=holds_views,
 )

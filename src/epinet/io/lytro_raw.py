@@ -10,11 +10,23 @@ from pathlib import Path
 
 from epinet.io.layout import Layout
 from epinet.raw import decode
+from epinet.raw.capture import lacks_capture, metadata_beside
+from epinet.raw.container import is_container, read_container
+from epinet.raw.family import calibration_by_name
 
 
 def recognises(path: Path) -> bool:
     """Whether it is named like a raw capture."""
     return path.suffix.lower() in LAYOUT.suffixes
+
+
+def holds_views(path: Path) -> bool:
+    """Whether it may be a capture, and no calibration data or what software made of a capture."""
+    if calibration_by_name(path):
+        return False
+    if path.suffix.lower() == ".raw" and not is_container(path):
+        return metadata_beside(path) is not None
+    return not lacks_capture(read_container(path))
 
 
 LAYOUT = Layout(
@@ -24,4 +36,5 @@ LAYOUT = Layout(
     read=decode,
     write=None,
     suffixes=(".lfp", ".lfr", ".raw"),
+    holds_views=holds_views,
 )

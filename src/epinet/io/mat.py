@@ -42,6 +42,24 @@ def read_variable(path: Path, name: str) -> NDArray[Any]:
         return _read_v5(path, name)
 
 
+def has_variable(path: Path, name: str) -> bool:
+    """Whether there is a variable of any kind by that name; no file of Matlab has none.
+
+    Raises:
+        InputError and others: the file is damaged.
+    """
+    from scipy.io import whosmat
+
+    if _is_v73(path):
+        with open_hdf5(path, _KIND) as file:
+            return name in file
+    with open_regular(path) as file:
+        start = file.read(128)
+    if start[126:] not in (b"IM", b"MI") and 0 not in start[:4]:  # the order of bytes; v4
+        return False
+    return any(each == name for each, _, _ in whosmat(path))
+
+
 def read_only_map(path: Path) -> NDArray[np.float32]:
     """(H, W) the only array of the file that is an image of one value a pixel, whatever its name.
 

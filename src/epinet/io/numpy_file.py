@@ -34,6 +34,16 @@ def read_npy(path: Path) -> NDArray[Any]:
         return _array(file, size, path, str(path))
 
 
+def npy_shape(path: Path) -> tuple[int, ...]:
+    """Of the array of a .npy file, by its header.
+
+    Raises:
+        InputError, ValueError and others: the header is damaged.
+    """
+    with open_regular(path) as file:
+        return _header(file, str(path))[0]
+
+
 def read_npz(path: Path, wanted: Callable[[str, int], bool]) -> dict[str, NDArray[Any]]:
     """Arrays of an .npz by name.
 

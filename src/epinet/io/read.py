@@ -15,6 +15,7 @@ from epinet.io.names import is_shown
 from epinet.lightfield import LightField
 from epinet.raw import DEFAULT_VIEWS, decode
 from epinet.raw.family import calibration_by_name
+from epinet.texts import is_pointer
 
 _MODULES = (hci, rows_cols, numbered, eslf, hci_hdf5, lftoolbox, array, lytro_raw)
 
@@ -84,6 +85,23 @@ def is_light_field(path: Path) -> bool:
     return any(layout.fits(path) for layout in LAYOUTS.values())
 
 
+def is_stray(path: Path, layout: str | None = None) -> bool:
+    """Whether a file has the ending of a light field, but by its header holds something else.
+
+    Args:
+        path: of a file or a folder; a folder is none.
+        layout: a name of LAYOUTS that it would be read as; None guesses.
+    """
+    if path.is_dir() or is_pointer(path):
+        return False
+    layouts = LAYOUTS.values() if layout is None else [named_layout(layout)]
+    chosen = next((each for each in layouts if each.fits(path)), None)
+    try:
+        return chosen is not None and not chosen.holds_views(path)
+    except Exception:  # damaged: reading it tells how
+        return False
+
+
 def named_layout(name: str) -> Layout:
     """The layout of that name.
 
@@ -118,7 +136,7 @@ def _found(path: Path) -> str:
     files = [entry for entry in entries if entry not in images and entry not in folders]
     counts = f"{len(images)} images, {len(folders)} folders and {len(files)} other files"
     if images:
-        counts += f", such as {images[0].name}"
+        counts += f", such as {images[0].name}; views are named view_<row>_<column>.png or alike"
     elif folders:
         counts += "; the views may lie in one of the folders"
     endings = Counter(file.suffix.lower() for file in files if file.suffix)

@@ -15,10 +15,11 @@ import torch
 from epinet import __version__
 from epinet.documents import validated
 from epinet.errors import InputError
-from epinet.io import LAYOUTS, is_light_field, named_layout, read_light_field
+from epinet.io import LAYOUTS, is_light_field, is_stray, named_layout, read_light_field
 from epinet.io.atomic import check_writable
 from epinet.io.images import IMAGE_SUFFIXES
 from epinet.io.names import is_shown, named_path
+from epinet.io.problems import listed
 from epinet.lightfield import LightField
 from epinet.predict.estimator import DEFAULT_MEMORY_MB, Estimator
 from epinet.predict.ownership import check_owner, content_sha256, files_of, is_anothers, stored_run
@@ -27,8 +28,9 @@ from epinet.predict.result import FILES, check_replaceable
 
 FILE_SUFFIXES = {suffix for layout in LAYOUTS.values() for suffix in layout.suffixes}
 
-FOLDERS_DEEP = 2
-"""Light fields lie in the folder given or up to so many below: HCI's are sorted by category."""
+FOLDERS_DEEP = 3
+"""Light fields lie in the folder given or up to so many below: HCI's are sorted by category
+in a folder of all."""
 
 Progress = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
@@ -95,12 +97,33 @@ def find_light_fields(
         inside: list[Path] = []
         try:
             if path.is_dir() and not recognises(path):
-                entries = [p for p in sorted(path.iterdir()) if _may_be_one(p)]
-                inside = _among(entries, recognises, say)
+                inside = _inside(path, layout, recognises, say)
         except OSError as error:
             raise InputError(f"{path}: cannot be listed ({error.strerror})") from error
         found += inside or [path]
     return list({named_path(path): path for path in found}.values())
+
+
+def _inside(
+    folder: Path,
+    layout: str | None,
+    recognises: Callable[[Path], bool],
+    say: Callable[[str], None],
+) -> list[Path]:
+    """The light fields in a folder; where there is none, files that have their endings."""
+    entries = sorted(filter(is_shown, folder.iterdir()))
+    candidates = [p for p in entries if _may_be_one(p)]
+    strays = [p for p in candidates if is_stray(p, layout)]
+    notes: list[str] = []
+    found = _among([p for p in candidates if p not in strays], recognises, notes.append)
+    if not found:
+        return strays
+    for note in notes:
+        say(note)
+    others = [p.name for p in entries if p in strays or p not in candidates]
+    if others:
+        say(f"left out: {listed(others)} in {folder} (files that hold no light field)")
+    return found
 
 
 def _among(
@@ -124,14 +147,12 @@ def _among(
     return found
 
 
-def _may_be_one(file: Path) -> bool:
-    if not is_shown(file):
-        return False
-    if file.is_dir():
+def _may_be_one(path: Path) -> bool:
+    if path.is_dir():
         return True
-    if file.suffix.lower() in IMAGE_SUFFIXES:
-        return file.stem.lower().endswith("_eslf")
-    return file.suffix.lower() in FILE_SUFFIXES
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        return path.stem.lower().endswith("_eslf")
+    return path.suffix.lower() in FILE_SUFFIXES
 
 
 def check_names(paths: Sequence[Path]) -> None:

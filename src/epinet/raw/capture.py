@@ -61,6 +61,20 @@ def read_capture(path: Path) -> Capture:
     return Capture(frame, raw, embedded)
 
 
+def lacks_capture(container: Container) -> bool:
+    """Whether no raw image of a sensor is meant to be in it."""
+    frame = _first_frame(container.contents)
+    if frame is None or not {"imageRef", "metadataRef"} <= frame.keys():
+        return True
+    return str(frame["imageRef"]) not in container and is_made_by_software(container)
+
+
+def metadata_beside(path: Path) -> Path | None:
+    """The file with the camera's metadata beside a .raw."""
+    beside = [path.with_name(path.stem + ending) for ending in _METADATA_ENDINGS]
+    return next((file for file in beside if file.exists()), None)
+
+
 def unpack_frame(frame: Frame, data: bytes) -> NDArray[np.uint16]:
     """(H, W) pixels of a frame.
 
@@ -101,19 +115,16 @@ def _first_frame(contents: Any) -> dict[str, Any] | None:
 
 
 def _frame_references(container: Container) -> dict[str, str]:
+    if lacks_capture(container):
+        raise InputError(f"{container.path}: {without_capture(container)}")
     frame = _first_frame(container.contents)
-    if frame is None or not {"imageRef", "metadataRef"} <= frame.keys():
-        raise InputError(f"{container.path}: {without_capture(container)}")
-    references = {key: str(value) for key, value in frame.items()}
-    if references["imageRef"] not in container and is_made_by_software(container):
-        raise InputError(f"{container.path}: {without_capture(container)}")
-    return references
+    assert frame is not None
+    return {key: str(value) for key, value in frame.items()}
 
 
 def _frame_beside(path: Path) -> Frame:
     """Metadata of a .raw, from the file beside it."""
-    beside = [path.with_name(path.stem + ending) for ending in _METADATA_ENDINGS]
-    found = next((file for file in beside if file.exists()), None)
+    found = metadata_beside(path)
     if found is None:
         raise InputError(
             f"{path}: {path.stem}.json or {path.stem}.txt with the camera's metadata is missing "

@@ -18,7 +18,6 @@ from epinet.io.problems import Problems
 from epinet.model.contrast import WINDOW_PX, contrast_unit, local_contrast
 from epinet.model.epinet import MARGIN_PX
 from epinet.model.sweepnet import searched
-from epinet.predict.batch import find_light_fields
 from epinet.synth.faults import ROUNDING
 from epinet.synth.generator import generator
 from epinet.train.augment import Augmentation, GrayWeights, Scale
@@ -358,13 +357,15 @@ def batches_of(
     for data in recipe.data:
         if data.folder is not None:
             with problems.gather():
-                scenes = find_light_fields([data.folder])
-                side_px = scale * (large or small).side_px
-                weights = recipe.scene_weights
-                source = Folders(scenes, needs, side_px=side_px, weights=weights, device=device)
+                source = Folders(
+                    [data.folder],
+                    needs,
+                    side_px=scale * (large or small).side_px,
+                    weights=recipe.scene_weights,
+                    device=device,
+                    say=say,
+                )
                 on_disk.append((source, data.share))
-                for doubt in source.doubts:
-                    say(f"warning: {doubt}")
     problems.raise_any()
     kinds = [(data.rendered(), data.share) for data in recipe.data if data.generator is not None]
 

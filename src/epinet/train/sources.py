@@ -15,15 +15,14 @@ from torch import Generator, Tensor
 
 from epinet.angular import CENTRAL_NINE
 from epinet.errors import InputError
-from epinet.io import read_light_field
 from epinet.io.hci import read_view_truths
-from epinet.io.problems import Problems
 from epinet.lightfield import LightField
 from epinet.synth.generator import Pool, generator, pools, star_offsets
 from epinet.synth.options import Options
 from epinet.train.augment import ViewShift
 from epinet.train.patches import Frames, LightFields, Offset, Patches, cut_by
 from epinet.train.pool_cache import kept
+from epinet.train.scenes import UnfitError, fitting, usable_scenes
 
 STEPS_PER_POOL = 16
 """So many steps use a pool of rendered scenes, each with other patches and augmentations; with more
@@ -186,46 +185,47 @@ class Folders:
     """Scenes on disk, read once and kept in memory; larger ones are drawn more often.
 
     Args:
-        folders: one for each scene, in any layout; `ViewShift` needs the benchmark's.
+        paths: scenes in any layout, or folders of them; `ViewShift` needs the benchmark's. Of a
+            folder, scenes that cannot be used are left out.
         needs: which views and truths.
         side_px: largest patch asked for.
         weights: how often scenes of these names are drawn, relative to others of their size.
+        say: told which are left out, and what may be wrong with the others.
 
     Raises:
-        InputError: all that is wrong: unreadable scenes, no truth, missing or small views, or no
-            scene that is ever drawn.
+        InputError: all that is wrong: unreadable scenes; no truth, missing or small views where
+            they are named themselves or no other is left; or no scene that is ever drawn.
     """
 
     def __init__(
         self,
-        folders: Sequence[Path],
+        paths: Sequence[Path],
         needs: Needs,
         *,
         side_px: int,
         weights: Mapping[str, float] | None = None,
         device: str = "cpu",
+        say: Callable[[str], None] = lambda line: None,
     ) -> None:
-        self.scenes: list[LightFields] = []
-        self.doubts: list[str] = []
-        """About the scenes, for people."""
         self.device = device
-        problems = Problems()
-        for folder in folders:
-            with problems.gather():
-                lf = read_light_field(folder)
-                self.scenes.append(_scene(folder, lf.central(needs.grid), needs, side_px))
-                if folder.stem in MIRRORED and "invalid" not in lf.masks:
-                    self.doubts.append(
-                        f"{folder}: no mask of its mirrors (invalid_mask.png, or the reference "
-                        "code's input_Cam040_invalid_ver2.png), so that they are trained on"
-                    )
-        problems.raise_any()
+
+        def fitted(folder: Path, lf: LightField) -> LightFields:
+            scene = _scene(folder, fitting(folder, lf, needs.grid), needs, side_px)
+            if folder.stem in MIRRORED and "invalid" not in lf.masks:
+                say(
+                    f"warning: {folder}: no mask of its mirrors (invalid_mask.png, or the "
+                    "reference code's input_Cam040_invalid_ver2.png), so that they are trained on"
+                )
+            return scene
+
+        found = list(usable_scenes(paths, fitted, say))
+        self.scenes = [scene for _, scene in found]
         self._sizes = torch.tensor([scene.disparity.shape[-2:] for scene in self.scenes])
-        named = torch.tensor([(weights or {}).get(folder.name, 1.0) for folder in folders])
+        names = [folder.name for folder, _ in found]
+        named = torch.tensor([(weights or {}).get(name, 1.0) for name in names])
         self._weights = named * self._sizes.prod(1)
         if not self._weights.any():
-            names = ", ".join(folder.name for folder in folders)
-            raise InputError(f"scene_weights: leave nothing of the scenes {names}")
+            raise InputError(f"scene_weights: leave nothing of the scenes {', '.join(names)}")
 
     def draw(self, g: Generator, step: int, side_px: Tensor) -> Frames:
         scenes = torch.multinomial(self._weights, len(side_px), replacement=True, generator=g)
@@ -250,13 +250,13 @@ def _light_fields(pool: Pool, needs: Needs) -> LightFields:
 
 
 def _scene(folder: Path, lf: LightField, needs: Needs, side_px: int) -> LightFields:
-    problems = Problems()
+    problems = []
     if min(lf.size) < side_px:
         problems.append(
             f"{folder}: views of {lf.size[1]}x{lf.size[0]} px are smaller than a patch with its "
             f"margins, {side_px} px; leave the scene out or use smaller patches or scales"
         )
-    if lf.truth is None:
+    if lf.truth is None or not np.isfinite(lf.truth).any():
         problems.append(f"{folder}: no truth to learn from")
     row, col = lf.centre
     missing = [o for o in needs.offsets if not lf.present[row + o[0], col + o[1]]]
@@ -265,7 +265,8 @@ def _scene(folder: Path, lf: LightField, needs: Needs, side_px: int) -> LightFie
             f"{folder}: {len(missing)} views of {len(needs.offsets)} are missing"
             + (f"; {ViewShift.name} needs all of them" if needs.shifted else "")
         )
-    problems.raise_any()
+    if problems:
+        raise UnfitError(problems)
     disparity = _truths(folder, lf, needs)
     usable = np.isfinite(disparity)
     if "invalid" in lf.masks:  # known for the centre view; its neighbours look nearly alike
@@ -283,7 +284,7 @@ def _truths(folder: Path, lf: LightField, needs: Needs) -> NDArray[np.float32]:
     try:
         truths = read_view_truths(folder, lf, others)
     except InputError as error:
-        raise InputError(
+        raise UnfitError(
             [
                 *error.problems,
                 f"{folder}: {ViewShift.name} needs the truth of the nine central "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -12,8 +12,8 @@ import torch
 
 from epinet.angular import star_positions
 from epinet.errors import InputError
-from epinet.io import read_light_field
 from epinet.io.atomic import atomic_path
+from epinet.io.names import folder_name
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX
@@ -25,6 +25,7 @@ from epinet.predict.result import Result
 from epinet.synth.generator import render_scene
 from epinet.synth.options import Options
 from epinet.synth.validation import VALIDATION_SEED
+from epinet.train.scenes import UnfitError, fitting, usable_scenes
 
 SCENES = 16
 SIDE_PX = 128
@@ -67,33 +68,47 @@ class Validation:
 
     @classmethod
     def of_folders(
-        cls, folders: Sequence[Path], views: int, trained_on: Sequence[Path] = ()
+        cls,
+        paths: Sequence[Path],
+        views: int,
+        trained_on: Sequence[Path] = (),
+        say: Callable[[str], None] = lambda line: None,
     ) -> Validation:
         """Scenes on disk.
 
+        Args:
+            paths: scenes, or folders of them. Of a folder, scenes that are trained on, have no
+                truth to score with or lack views are left out.
+            views: rows and columns that the network sees.
+            trained_on: scenes not to validate on.
+            say: told what is left out.
+
         Raises:
-            InputError: scenes that cannot be read, have no truth to score with or too few views,
-                are trained on, or share a name.
+            InputError: scenes that cannot be read or share a name, and those that are left out of a
+                folder where they are named themselves or no other is left.
         """
         taken = {folder.resolve() for folder in trained_on}
-        problems = Problems(
-            f"{folder}: is trained on; validate on other scenes"
-            for folder in folders
-            if folder.resolve() in taken
-        )
+
+        def judged(folder: Path, lf: LightField) -> LightField:
+            if folder.resolve() in taken:
+                raise UnfitError(f"{folder}: is trained on; validate on other scenes")
+            lf = _reliable(fitting(folder, lf, views))
+            if not _known(lf):
+                raise UnfitError(
+                    f"{folder}: no truth to validate with inside the border of {BORDER_PX} px"
+                )
+            if gone := [p for p in star_positions(views) if not lf.present[p]]:
+                raise UnfitError(f"{folder}: the views at (row, column) {gone} are missing")
+            return lf
+
         scenes: dict[str, LightField] = {}
-        for folder in folders:
-            if folder.name in scenes:
-                problems.append(f"{folder}: another scene to validate on is named {folder.name}")
-            with problems.gather():
-                lf = _reliable(read_light_field(folder).central(views))
-                if not _known(lf):
-                    raise InputError(
-                        f"{folder}: no truth to validate with inside the border of {BORDER_PX} px"
-                    )
-                if gone := [p for p in star_positions(views) if not lf.present[p]]:
-                    raise InputError(f"{folder}: the views at (row, column) {gone} are missing")
-                scenes[folder.name] = lf
+        problems = Problems()
+        with problems.gather():
+            for folder, lf in usable_scenes(paths, judged, say):
+                name = folder_name(folder)
+                if name in scenes:
+                    problems.append(f"{folder}: another scene to validate on is named {name}")
+                scenes[name] = lf
         problems.raise_any()
         return cls(scenes)
 
