@@ -174,7 +174,6 @@ def test_axes_in_another_order_are_named(tmp_path: Path, make: MakeLightField, n
     gray = views[..., 0]
     stack = views.reshape(25, 24, 30, 3)
     for array, says in (
-        (views.T, "reversed order, (channels, width, height, columns, rows)"),
         (gray.T, "pixels first; transpose(2, 3, 0, 1), or (3, 2, 1, 0) if all are reversed"),
         (views.transpose(2, 3, 0, 1, 4), "pixels first; transpose(2, 3, 0, 1, 4)"),
         (gray.transpose(2, 3, 0, 1), "pixels first"),
@@ -186,6 +185,32 @@ def test_axes_in_another_order_are_named(tmp_path: Path, make: MakeLightField, n
     for array in (gray, views):
         store(path, array)
         assert read_light_field(path).grid == (5, 5)
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.mat"])
+def test_reversed_axes_are_named(tmp_path: Path, make: MakeLightField, name: str) -> None:
+    store(tmp_path / name, np.ascontiguousarray(make(5).views.T))
+    assert "reversed order, (channels, width, height, columns, rows)" in problem(tmp_path / name)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("per_view", [False, True])
+def test_an_archive_that_matlab_wrote_is_put_right(
+    tmp_path: Path, make: MakeLightField, channels: int, per_view: bool
+) -> None:
+    views = make(5).views[..., :channels]
+    depth = np.random.default_rng(1).uniform(2, 4, (5, 5, 24, 30)).astype(np.float32)
+    depth = depth if per_view else depth[2, 2]
+    for name, order in (("ours.h5", np.asarray), ("matlab.h5", np.transpose)):
+        with h5py.File(tmp_path / name, "w") as file:
+            file["LF"] = order(views)
+            file["GT_DEPTH"] = order(depth)
+            file.attrs.update({"dH": 0.5, "focalLength": 16.0, "shift": 2.5})
+    ours, matlab = (read_light_field(tmp_path / name) for name in ("ours.h5", "matlab.h5"))
+    np.testing.assert_array_equal(matlab.views, ours.views)
+    assert matlab.truth is not None and ours.truth is not None
+    np.testing.assert_array_equal(matlab.truth, ours.truth)
+    assert "reversed order" in matlab.notes[-1] and not ours.notes
 
 
 @pytest.mark.parametrize("name", ["a.h5", "v73.mat", "v5.mat"])

@@ -246,6 +246,14 @@ def test_two_files_for_one_view(scene: Path) -> None:
         ("{r:02d}.{c:02d}.png", 1),
         ("shot2.{r:04d}_{c:04d}.png", 1),
         ("view_{rh:.1f}_{ch:.1f}.png", 0),
+        ("cam.{r}.{c}.png", -5),
+        ("cam_{r}.{c}.png", -5),
+        ("{r}.{c}.png", -5),
+        ("view.{r:+d}.{c:+d}.png", -5),
+        ("view.{r:+03d}.{c:+03d}.v2.png", -5),
+        ("{rp}.{cp}.png", -5),
+        ("cam_{rh:.2f}_{ch:.2f}.png", -5),
+        ("cam.{rh}.{ch}.png", -5),
     ],
 )
 def test_rows_and_columns_in_names(
@@ -396,6 +404,22 @@ def test_plain_numbers_are_believed_where_images_agree(
 def test_an_even_grid_is_kept_whole(tmp_path: Path, make: MakeLightField) -> None:
     lf = read_light_field(named(tmp_path / "scene", make(4), "{r}_{c}.png"))
     np.testing.assert_array_equal(lf.views, make(4).views)
+
+
+@pytest.mark.parametrize("step", [0.5, 0.75, 1.25, -2.5, 0.1])
+def test_positions_of_cameras_are_read_where_they_are_a_grid(
+    tmp_path: Path, make: MakeLightField, step: float
+) -> None:
+    views = make(3).views
+    for row, col in np.ndindex(3, 3):
+        y, x = sorted(step * (k + 1) for k in range(3))[row], 100 + col * abs(step)
+        write_png(tmp_path / "grid" / f"cam_{y:.2f}_{x:.2f}.png", views[row, col])
+        jitter = 0.137 * ((5 * row + 3 * col) % 7)
+        write_png(tmp_path / "none" / f"cam_{y + jitter:.3f}_{x:.3f}.png", views[row, col])
+    np.testing.assert_array_equal(read_light_field(tmp_path / "grid").views, views)
+    (found,) = problems(tmp_path / "none")
+    assert "such as cam_" in found  # no grid, or one that is not square
+    assert "view_<row>_<column>.png" in found
 
 
 @pytest.mark.parametrize(

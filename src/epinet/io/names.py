@@ -9,7 +9,10 @@ from dataclasses import dataclass
 from math import gcd
 from pathlib import Path
 
-_NUMBER = re.compile(r"(\d+(?:\.\d+)*)")
+_DECIMALS, _WHOLES = re.compile(r"(\d+(?:\.\d+)?)"), re.compile(r"(\d+)")
+"""How a name is taken apart: in 1.5 there is one number, or there are two."""
+_SPLITS = (_DECIMALS, _WHOLES)
+_DOTTED = re.compile(r"\d\.")
 _SIGN = re.compile(r"(?:[-+\u2212]|plus|minus|pos|neg|[pmn])$", re.IGNORECASE)
 _NEGATIVE = frozenset({"-", "\u2212", "minus", "neg", "m", "n"})
 _SAME_ENDINGS = {".jpeg": ".jpg", ".jpe": ".jpg", ".jfif": ".jpg", ".tiff": ".tif"}
@@ -20,10 +23,10 @@ _OF_WINDOWS = frozenset({"thumbs.db", "desktop.ini"})
 class Field:
     """A number in names that are alike, evenly spaced from the least to the greatest."""
 
+    split: re.Pattern[str]
+    """What the numbers of the names are; only those of one split can be told in one name."""
     place: int
-    """Which number of a name, from 0, where two with a dot between them count as one."""
-    part: int | None
-    """Which of the whole numbers between dots; None means all together, a fraction perhaps."""
+    """Which number of a name, from 0."""
     indices: tuple[int, ...]
     """In the order of the files: 0 for the least number, 1 for the next that may stand there."""
     first: int
@@ -35,8 +38,8 @@ class Field:
     signs: Mapping[int, str]
     """What stands before negative numbers (-1), before 0 and before positive ones (1)."""
     by_dots: int
-    """How doubtful it is: 0 for a whole number between other signs, 1 for one beside a dot, 2 for a
-    fraction."""
+    """How doubtful it is: 0 for a whole number, 1 where dots between digits separate numbers, 2 for
+    a fraction."""
 
     @property
     def count(self) -> int:
@@ -75,13 +78,19 @@ def folder_name(folder: Path) -> str:
 def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:
     """Split into the largest group of names that differ in their numbers only, and the rest.
 
-    Signs belong to the numbers: -3, +3, m3 and p3. Capitals and small letters are the same, and so
-    are endings, unless there are files of the same name that differ in them.
+    Signs belong to the numbers: -3, +3, m3 and p3. A dot stands within a number or between two,
+    whichever makes more names alike. Capitals and small letters are the same, and so are endings,
+    unless there are files of the same name that differ in them.
     """
+    group = max((_largest_group(files, split) for split in _SPLITS), key=len)
+    chosen = set(group)
+    return group, [file for file in files if file not in chosen]
+
+
+def _largest_group(files: list[Path], number: re.Pattern[str]) -> list[Path]:
     groups: dict[tuple[str, ...], list[Path]] = defaultdict(list)
     for file in files:
-        texts, _, _ = _parsed(file.stem)
-        groups[tuple(text.lower() for text in texts)].append(file)
+        groups[_pattern(file, number)].append(file)
     split: list[list[Path]] = []
     for group in groups.values():
         if len({file.stem.lower() for file in group}) == len(group):
@@ -92,9 +101,7 @@ def alike(files: list[Path]) -> tuple[list[Path], list[Path]]:
             ending = file.suffix.lower()
             by_ending[_SAME_ENDINGS.get(ending, ending)].append(file)
         split += by_ending.values()
-    group = max(split, key=len, default=[])
-    chosen = set(group)
-    return group, [file for file in files if file not in chosen]
+    return max(split, key=len, default=[])
 
 
 def strangers(folder: Path, is_ours: Callable[[str], object]) -> list[str]:
@@ -110,36 +117,29 @@ def fields(files: list[Path]) -> list[Field]:
         >>> [(f.text(0), f.indices) for f in fields([Path(name) for name in names])]
         [('-1', (0, 1, 2))]
     """
-    found = []
-    for place, tokens in enumerate(_columns(files)):
-        numbers = [token.number.split(".") for token in tokens]
-        parts = {len(number) for number in numbers}
-        if max(parts) <= 2:
-            found.append(_field(place, None, tokens, [token.number for token in tokens]))
-        if len(parts) == 1 and parts != {1}:
-            found += [
-                _field(place, part, tokens, [number[part] for number in numbers])
-                for part in range(*parts)
-            ]
+    splits = [each for each in _SPLITS if len({_pattern(file, each) for file in files}) == 1]
+    if not any(_DOTTED.search(file.stem) for file in files):
+        del splits[1:]  # they are the same
+    found = [
+        _field(split, place, tokens)
+        for split in splits
+        for place, tokens in enumerate(_columns(files, split))
+    ]
     return [field for field in found if field is not None]
 
 
 def renamed(sample: Path, files: list[Path], indices: Mapping[Field, int]) -> str:
-    """The name that `sample` would have with these indices; other varying numbers become `*`."""
-    texts, signs, numbers = _parsed(sample.stem)
-    columns = _columns(files)
+    """The name that `sample` would have with these indices; other varying numbers become `*`.
+
+    The fields must be of one split.
+    """
+    split = next(iter(indices)).split
+    by_place = {field.place: field.text(index) for field, index in indices.items()}
+    texts, signs, numbers = _parsed(sample.stem, split)
     name = texts[0]
-    for place, tokens in enumerate(columns):
-        here = {f: i for f, i in indices.items() if f.place == place}
-        whole = next((f for f in here if f.part is None), None)
-        if whole is not None:
-            name += whole.text(here[whole])
-        elif here:
-            parts: list[str] = numbers[place].split(".")
-            for field, index in here.items():
-                assert field.part is not None
-                parts[field.part] = field.text(index)
-            name += ".".join(parts)
+    for place, tokens in enumerate(_columns(files, split)):
+        if place in by_place:
+            name += by_place[place]
         elif len({(token.sign, token.number) for token in tokens}) > 1:
             name += "*"
         else:
@@ -157,9 +157,13 @@ class _Token:
     number: str
 
 
-def _parsed(stem: str) -> tuple[list[str], list[str], list[str]]:
+def _pattern(file: Path, number: re.Pattern[str]) -> tuple[str, ...]:
+    return tuple(text.lower() for text in _parsed(file.stem, number)[0])
+
+
+def _parsed(stem: str, number: re.Pattern[str]) -> tuple[list[str], list[str], list[str]]:
     """The texts around the numbers of a name, the numbers' signs, and the numbers without them."""
-    pieces = _NUMBER.split(stem)
+    pieces = number.split(stem)
     texts, signs = pieces[::2], []
     for place in range(len(texts) - 1):
         sign = _SIGN.search(texts[place])
@@ -168,46 +172,43 @@ def _parsed(stem: str) -> tuple[list[str], list[str], list[str]]:
     return texts, signs, pieces[1::2]
 
 
-def _columns(files: list[Path]) -> list[list[_Token]]:
+def _columns(files: list[Path], number: re.Pattern[str]) -> list[list[_Token]]:
     """By place, how each of the files has its number."""
     rows = []
     for file in files:
-        texts, signs, numbers = _parsed(file.stem)
+        texts, signs, numbers = _parsed(file.stem, number)
         rows.append([_Token(*token) for token in zip(texts[:-1], signs, numbers, strict=True)])
     return [list(column) for column in zip(*rows, strict=True)]
 
 
-def _field(place: int, part: int | None, tokens: list[_Token], texts: list[str]) -> Field | None:
-    """None where all are the same, or one is no number."""
+def _field(split: re.Pattern[str], place: int, tokens: list[_Token]) -> Field | None:
+    """None where all are the same."""
     signs: dict[int, str] = {}
     values = []
-    leads = part in (None, 0)  # what stands before the number stands before this part
-    signed = leads and _is_signed(place, tokens)
-    decimals = max(len(text.partition(".")[2]) for text in texts)
-    for token, text in zip(tokens, texts, strict=True):
-        whole, _, fraction = text.partition(".")
+    signed = _is_signed(place, tokens)
+    parts = [token.number.partition(".") for token in tokens]
+    decimals = max(len(fraction) for _, _, fraction in parts)
+    for token, (whole, _, fraction) in zip(tokens, parts, strict=True):
         value = int(whole + fraction.ljust(decimals, "0"))
         if signed and token.sign.lower() in _NEGATIVE:
             value = -value
         values.append(value)
-        if leads:
-            signs[_sign(value)] = token.sign
+        signs[_sign(value)] = token.sign
     first = min(values)
     step = gcd(*(value - first for value in values))
     if step == 0:
         return None
-    wholes = [text.partition(".")[0] for text in texts]
-    padded = [len(text) for text in wholes if text.startswith("0") and len(text) > 1]
+    padded = [len(whole) for whole, _, _ in parts if whole.startswith("0") and len(whole) > 1]
     return Field(
+        split,
         place,
-        part,
         tuple((value - first) // step for value in values),
         first,
         step,
         decimals,
         min(padded, default=0),
         signs,
-        2 if decimals else int(part is not None),
+        2 if decimals else int(split is _WHOLES),
     )
 
 

@@ -20,6 +20,8 @@ from epinet.io.names import Field, alike, fields, renamed
 from epinet.lightfield import LightField
 
 _MOST_GAPS = 5
+_SPARSEST = 4
+"""Numbers for each view, behind a dot: more of them are digits of a fraction."""
 
 
 def recognises(folder: Path) -> bool:
@@ -119,10 +121,13 @@ def _no_square(folder: Path, field: Field) -> InputError:
 
 def _field(files: list[Path]) -> Field | None:
     """Which whole number of the names differs in all of them; of several, the densest."""
-    distinct = [
-        f for f in fields(files) if not f.decimals and len(set(f.indices)) == len(f.indices)
-    ]
-    return min(distinct, key=lambda field: (field.count, field.by_dots), default=None)
+    distinct = [f for f in fields(files) if len(set(f.indices)) == len(f.indices)]
+    dense = [f for f in distinct if not f.by_dots or f.count <= _SPARSEST * len(files)]
+    return min(
+        (f for f in dense if not f.decimals),
+        key=lambda field: (field.count, field.by_dots),
+        default=None,
+    )
 
 
 LAYOUT = Layout(

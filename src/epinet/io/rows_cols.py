@@ -9,7 +9,7 @@ and column are the two that fill a rectangle best.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, groupby
 from pathlib import Path
 
 from epinet.errors import InputError
@@ -75,8 +75,9 @@ def read(folder: Path) -> LightField:
     rows, cols = reading.grid
     if rows != cols:
         raise InputError(
-            f"{folder}: the names span {rows} rows ({_span(reading.row)}) and {cols} columns "
-            f"({_span(reading.col)}); the grid must be square"
+            f"{folder}: the names, such as {files[0].name}, span {rows} rows "
+            f"({_span(reading.row)}) and {cols} columns ({_span(reading.col)}); the grid must be "
+            "square. If other numbers are row and column, name the views view_<row>_<column>.png"
         )
 
     def name(row: int, col: int) -> str:
@@ -92,14 +93,9 @@ def write(folder: Path, lf: LightField) -> None:
 
 def _readings(files: list[Path]) -> list[_Reading]:
     """The plausible ones, the best first."""
-    readings = [_Reading(row, col) for row, col in combinations(fields(files), 2)]
-    plausible = [r for r in readings if r.plausible and not _overlap(r.row, r.col)]
-    return sorted(plausible, key=lambda reading: reading.rank)
-
-
-def _overlap(one: Field, other: Field) -> bool:
-    """Whether a number and a part of it are taken for two."""
-    return one.place == other.place and None in (one.part, other.part)
+    pairs = combinations(fields(files), 2)
+    readings = [_Reading(row, col) for row, col in pairs if row.split is col.split]
+    return sorted((r for r in readings if r.plausible), key=lambda reading: reading.rank)
 
 
 def _best_reading(folder: Path, files: list[Path]) -> _Reading:
@@ -107,19 +103,17 @@ def _best_reading(folder: Path, files: list[Path]) -> _Reading:
     remedy = "name the views view_<row>_<column>.png"
     if not readings:
         raise InputError(f"{folder}: no two numbers in the images' names span a grid; {remedy}")
-    rivals = [reading for reading in readings if reading.rank == readings[0].rank]
-    if len(rivals) > 1:
-        choices = " or ".join(f"{_ordinal(r.row)} and {_ordinal(r.col)}" for r in rivals)
-        raise InputError(
-            f"{folder}: in names like {files[0].name} row and column may be the numbers "
-            f"{choices}; {remedy}"
-        )
-    return readings[0]
-
-
-def _ordinal(field: Field) -> str:
-    """Which number of a name, counted from 1."""
-    return f"{field.place + 1}" + ("" if field.part is None else f".{field.part + 1}")
+    fullest = [reading for reading in readings if reading.filled == readings[0].filled]
+    for _, level in groupby(fullest, key=lambda reading: reading.rank):
+        rivals = list(level)
+        if all(rival.positions == rivals[0].positions for rival in rivals):
+            return rivals[0]
+    rivals = [reading for reading in fullest if reading.rank == readings[0].rank]
+    choices = " or ".join(f"{r.row.place + 1} and {r.col.place + 1}" for r in rivals)
+    raise InputError(
+        f"{folder}: in names like {files[0].name} row and column may be the numbers "
+        f"{choices}; {remedy}"
+    )
 
 
 def _span(field: Field) -> str:
