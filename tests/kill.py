@@ -1,8 +1,9 @@
 """`python -m tests.kill`: kill -9 at random moments, then again: as if nothing had been.
 
 Predicts, renders, trains, converts and submits, 20 times each: the command is started, killed after
-a random part of the time that it takes, and run again until it ends. What it has written must be
-what an uninterrupted run writes, and nothing may be left beside it. Ends with status 1 otherwise.
+a random part of the time that it takes or that it writes, and run again until it ends. What it has
+written must be what an uninterrupted run writes, and nothing may be left beside it. Ends with
+status 1 otherwise.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,7 @@ from epinet.io.pfm import write_pfm
 from epinet.model.checkpoint import load_weights
 
 KILLS = 20
+POLL_S = 0.005
 TIMES = ("seconds", "minutes")
 """Keys of records that tell how long something took."""
 
@@ -92,19 +95,8 @@ def jobs(inputs: Path) -> dict[str, Job]:
     }  # fmt: skip
     (inputs / "tiny.yaml").write_text(yaml.safe_dump(recipe))
     train = ("train", "--recipe", str(inputs / "tiny.yaml"), "--validation", str(inputs / "held"))
-    epinet(
-        inputs,
-        "synth",
-        str(inputs / "held"),
-        "--scenes",
-        "1",
-        "--seed",
-        "2",
-        "--size",
-        "96x80",
-        "--views",
-        "5",
-    )
+    held = ("--seed", "2", "--size", "96x80", "--views", "5")
+    epinet(inputs, "synth", str(inputs / "held"), "--scenes", "1", *held)
     render = ("synth", "out", "--scenes", "3", "--size", "64x64", "--views", "3")
     return {
         "predict": Job(("predict", str(scenes), "-o", "out")),
@@ -116,54 +108,76 @@ def jobs(inputs: Path) -> dict[str, Job]:
     }
 
 
-def epinet(folder: Path, *command: str, kill_after_s: float | None = None) -> bool:
-    """Run a command in a folder; whether it came to its end."""
-    run = subprocess.Popen(
-        [sys.executable, "-m", "epinet", *command],
-        cwd=folder,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        _, said = run.communicate(timeout=kill_after_s)
-    except subprocess.TimeoutExpired:
-        os.kill(run.pid, signal.SIGKILL)
-        run.communicate()
-        return False
-    if run.returncode:
-        raise SystemExit(f"epinet {' '.join(command)}: status {run.returncode}: {said}")
+def epinet(folder: Path, *command: str, kill: Callable[[], bool] = lambda: False) -> bool:
+    """Run a command in a folder, or kill it as soon as it is to be; whether it came to its end."""
+    with tempfile.TemporaryFile("w+") as said:
+        run = subprocess.Popen(
+            [sys.executable, "-m", "epinet", *command],
+            cwd=folder,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+        )
+        while run.poll() is None:
+            if kill():
+                os.kill(run.pid, signal.SIGKILL)
+                return run.wait() == 0
+            time.sleep(POLL_S)
+        said.seek(0)
+        if run.returncode:
+            raise SystemExit(f"epinet {' '.join(command)}: status {run.returncode}: {said.read()}")
     return True
 
 
+class Clock:
+    """Seconds since a command began, and since its first file or folder appeared."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.begun, self.wrote = folder, time.monotonic(), float("inf")
+
+    def passed(self) -> tuple[float, float]:
+        now = time.monotonic()
+        if self.wrote == float("inf") and any(self.folder.iterdir()):
+            self.wrote = now
+        return now - self.begun, now - self.wrote
+
+    def is_past(self, seconds: float, *, of_writing: bool) -> bool:
+        return self.passed()[of_writing] >= seconds
+
+
 def problems_of(name: str, job: Job, kills: int, dice: random.Random, place: Path) -> list[str]:
-    """Kill a job so many times, each time anew, and compare with what it writes undisturbed."""
+    """Kill a job so many times, each time anew, and compare with what it writes undisturbed.
+
+    Every second kill comes after its first file has appeared: most of a short command is start.
+    """
     whole = place / "whole"
     whole.mkdir()
-    begun = time.monotonic()
-    epinet(whole, *job.command)
-    took, due, problems, killed = time.monotonic() - begun, job.content(whole), [], 0
+    clock = Clock(whole)
+    epinet(whole, *job.command, kill=lambda: clock.passed()[0] < 0)
+    took, due, problems, killed = clock.passed(), job.content(whole), [], 0
     while killed < kills:
         folder = place / "killed"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
-        after = dice.uniform(0.2, 1.0) * took
-        if epinet(folder, *job.command, kill_after_s=after):
+        writing = killed % 2 == 0
+        after = dice.uniform(0.0 if writing else 0.2, 1.0) * took[writing]
+        clock = Clock(folder)
+        is_due = partial(clock.is_past, after, of_writing=writing)
+        if epinet(folder, *job.command, kill=is_due):
             continue
         killed += 1
-        left = [str(p.relative_to(folder)) for p in folder.rglob("*")]
-        again = job.again if left else ()
+        left = sorted(str(p.relative_to(folder)) for p in folder.rglob("*"))
+        what = f"{name}, killed {after:.2f} s after its {'first file' if writing else 'start'}"
         try:
-            epinet(folder, *job.command, *again)
+            epinet(folder, *job.command, *(job.again if left else ()))
         except SystemExit as error:
-            problems.append(f"{name}, killed after {after:.2f} s: {error}")
+            problems.append(f"{what}: {error}; it left {left}")
             continue
         if job.content(folder) != due:
-            problems.append(f"{name}, killed after {after:.2f} s: other results; it left {left}")
+            problems.append(f"{what}: other results; it left {left}")
         hidden = [str(p) for p in folder.rglob(".*")]
         if hidden:
-            problems.append(f"{name}, killed after {after:.2f} s: left for good: {hidden}")
-    print(f"{name}: {killed} kills within {took:.1f} s, {len(problems)} problems", flush=True)
+            problems.append(f"{what}: left for good: {hidden}")
+    print(f"{name}: {killed} kills within {took[0]:.1f} s, {len(problems)} problems", flush=True)
     return problems
 
 
@@ -183,7 +197,8 @@ def main() -> None:
             (place / name).mkdir()
             dice = random.Random(f"{chosen.seed} {name}")
             problems += problems_of(name, job, chosen.kills, dice, place / name)
-    print("\n".join(problems))
+    for problem in problems:
+        print(problem)
     sys.exit(1 if problems else 0)
 
 
