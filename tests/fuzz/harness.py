@@ -28,7 +28,7 @@ from tests.fuzz.readers import BROKEN, READERS
 SECONDS, BYTES = 10.0, 2 * 2**30
 SETUP_SECONDS, READY = 120.0, "ready"
 
-PRELOADED = ["epinet.predict.estimator", "epinet.raw", "epinet.train.recipe_files"]
+PRELOADED = ["epinet.predict.estimator", "epinet.raw", "epinet.train.run"]
 """Imported once, by the server that all readers' processes are forked from. It has no threads: a
 fork of the tests' own process would wait forever for those of torch."""
 

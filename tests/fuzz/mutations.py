@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import random
 import re
 from typing import Any
+
+import torch
 
 NUMBERS = ("0", "-1", "1e400", "NaN", "1" + "0" * 25, "9" * 400, "2147483648", "1e-300", "0.5")
 VALUES: tuple[Any, ...] = (
@@ -16,8 +20,10 @@ VALUES: tuple[Any, ...] = (
 
 def mutated(data: bytes, dice: random.Random) -> bytes:
     """One to four mutations of a file's content."""
-    if data[8:9] == b"{" and dice.random() < 0.8:
+    if data[8:9] == b"{" and b"__metadata__" in data and dice.random() < 0.8:
         return _weights(data, dice)
+    if data[:2] == b"PK" and b"data.pkl" in data[:200] and dice.random() < 0.8:
+        return _checkpoint(data, dice)
     for _ in range(dice.randint(1, 4)):
         kinds = [_flip, _flip, _overwrite, _cut, _delete, _repeat, _insert, _number]
         if data[:1] in b"{[" and dice.random() < 0.8:
@@ -99,6 +105,48 @@ def _weights(data: bytes, dice: random.Random) -> bytes:
     return len(packed).to_bytes(8, "little") + packed + values
 
 
+class _Runs:
+    """Code in a checkpoint: were it run, the process would end."""
+
+    def __reduce__(self) -> Any:
+        return os._exit, (3,)
+
+
+def _checkpoint(data: bytes, dice: random.Random) -> bytes:
+    """A checkpoint of torch with values or tensors of another kind, or with code in it."""
+    state = torch.load(io.BytesIO(data), weights_only=True)
+    places = [(state, key) for key in state] if dice.random() < 0.5 else _places(state)
+    holder, key = dice.choice(places)
+    kind = dice.random()
+    if kind < 0.2:
+        del holder[key]
+    elif kind < 0.5 and isinstance(holder[key], torch.Tensor):
+        tensor = holder[key]
+        holder[key] = dice.choice(
+            [tensor[None], tensor[:0], tensor * float("nan"), tensor.to(torch.complex64)]
+            if tensor.ndim
+            else [torch.tensor(float("nan")), torch.zeros(3), torch.tensor(-1)]
+        )
+    else:
+        holder[key] = dice.choice((*VALUES, torch.ones(2, 3), _Runs(), {1: 2}, b"bytes"))
+    packed = io.BytesIO()
+    torch.save(state, packed)
+    return packed.getvalue()
+
+
+def _places(value: Any) -> list[tuple[Any, Any]]:
+    """(holder, key) of every item in nested dictionaries and lists."""
+    places: list[tuple[Any, Any]] = []
+    keys: Any = ()
+    if isinstance(value, dict):
+        keys = list(value)
+    elif isinstance(value, list):
+        keys = range(len(value))
+    for key in keys:
+        places += [(value, key), *_places(value[key])]
+    return places
+
+
 def _document(data: bytes, dice: random.Random) -> bytes:
     """A JSON document with values of another type, or missing, or deep, or again."""
     try:
@@ -110,16 +158,7 @@ def _document(data: bytes, dice: random.Random) -> bytes:
         at = dice.randrange(len(lines))
         lines[at] = _flip(lines[at], dice) if dice.random() < 0.3 else _document(lines[at], dice)
         return b"\n".join(lines) + b"\n"
-    places: list[tuple[Any, Any]] = []
-
-    def walk(item: Any) -> None:
-        for key in (
-            item if isinstance(item, dict) else range(len(item)) if isinstance(item, list) else ()
-        ):
-            places.append((item, key))
-            walk(item[key])
-
-    walk(value)
+    places = _places(value)
     if not places or dice.random() < 0.05:
         return json.dumps(dice.choice(VALUES)).encode()
     holder, key = dice.choice(places)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tarfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,19 +15,22 @@ import torch
 from PIL import Image
 from plenoptic_forward import (
     ILLUM,
+    Container,
     Optics,
     pack,
     white_image,
     write_capture,
     write_white,
 )
+from scipy.io import savemat
 
 from epinet.benchmark.maps import MapFile, find_maps, result_map
-from epinet.benchmark.scenes import BENCHMARK_SCENES
+from epinet.benchmark.scenes import BENCHMARK_SCENES, read_scene
 from epinet.benchmark.submission import check_submission, write_submission
 from epinet.camera import Camera
 from epinet.io import read_light_field, write_light_field
 from epinet.io.camera_file import CameraFacts, read_camera, write_camera
+from epinet.io.hci import read_view_truths
 from epinet.io.lftoolbox import write_v73
 from epinet.io.pfm import read_pfm, write_pfm
 from epinet.lightfield import LightField
@@ -38,10 +42,15 @@ from epinet.predict.estimator import Estimator
 from epinet.predict.result import Result
 from epinet.predict.stored import read_result
 from epinet.raw import decode
-from epinet.raw.white import find_whites
+from epinet.raw.white import find_whites, levels, normalised_white
 from epinet.synth.dataset import read_record
+from epinet.synth.dice import Dice
+from epinet.synth.generator import generator
+from epinet.synth.photographs import Photographs
 from epinet.train.log import Log
+from epinet.train.optimisers import Optimisers
 from epinet.train.recipe_files import load_recipe, parse_changes
+from epinet.train.run import Run
 
 SIZE = (32, 40)
 
@@ -247,6 +256,143 @@ def whites(path: Path) -> None:
         white.read()
 
 
+def whole_white(folder: Path) -> Path:
+    """The packed pixels of a white image; a capture lies beside its folder."""
+    write_capture(folder / "a.lfr", OPTICS, ILLUM, white_image(OPTICS, ILLUM))
+    return write_white(folder / "white", OPTICS, ILLUM, white_image(OPTICS, ILLUM))
+
+
+def white_tar(folder: Path) -> Path:
+    path = whole_white(folder)
+    with tarfile.open(folder / "caldata.tar", "w") as archive:
+        for file in sorted(path.parent.iterdir()):
+            archive.add(file, file.name)
+    return folder / "caldata.tar"
+
+
+def white_volume(folder: Path) -> Path:
+    """An F01's data.C.0."""
+    beside = write_white(folder / "white", OPTICS, ILLUM, white_image(OPTICS, ILLUM))
+    file = Container()
+    files = [
+        {"name": f"C:\\T1CALIB\\{each.name}", "dataRef": file.add(each.read_bytes())}
+        for each in (beside, beside.with_suffix(".TXT"))
+    ]
+    return file.write(folder / "data.C.0", {"files": files}, True)
+
+
+def flat_fielded(path: Path) -> None:
+    """A white image is chosen for a capture and divided by."""
+    source = path.parent if path.suffix == ".RAW" else path
+    for white in find_whites(source):
+        level = normalised_white(levels(white.read(), white.frame), white.frame)
+        assert np.isfinite(level).all()
+
+
+def mat_map(folder: Path) -> Path:
+    savemat(folder / "a.mat", {"disparity": np.ones(SIZE, np.float32)})
+    return folder / "a.mat"
+
+
+def mat_map_v73(folder: Path) -> Path:
+    with h5py.File(folder / "a.mat", "w", userblock_size=512) as file:
+        file["disparity"] = np.ones(SIZE, np.float32).T
+    return folder / "a.mat"
+
+
+def reads_map(path: Path) -> None:
+    map_ = MapFile(path).read(SIZE)
+    assert map_.shape == SIZE and map_.dtype == np.float32
+
+
+def run_time(folder: Path) -> Path:
+    write_pfm(folder / "scene.pfm", np.ones(SIZE, np.float32))
+    (folder / "runtimes").mkdir()
+    (folder / "runtimes" / "scene.txt").write_text("12.5\n")
+    return folder / "runtimes" / "scene.txt"
+
+
+def times(path: Path) -> None:
+    seconds = find_maps(path.parent.parent, {"scene": SIZE})["scene"].seconds
+    assert seconds is not None and 0 < seconds < float("inf")
+
+
+def with_masks(name: str) -> Callable[[Path], Path]:
+    """A scene with objects, masks, truths of other views and of ten times the resolution."""
+
+    def make(folder: Path) -> Path:
+        mask, objects = np.zeros(SIZE, bool), np.zeros(SIZE, np.uint16)
+        mask[3:9, 4:20], objects[:9] = True, 7
+        masks = dict.fromkeys(("invalid", "textureless"), mask)
+        lf = replace(light_field(), masks=masks, objects=objects)
+        lf = replace(lf, view_truths={(1, 0): lf.truth})
+        write_light_field(folder / "scene", lf, "hci")
+        write_pfm(folder / "scene" / "gt_disp_highres.pfm", np.ones((10 * SIZE[0], 10 * SIZE[1])))
+        return folder / "scene" / name
+
+    return make
+
+
+def scores(path: Path) -> None:
+    """As training and evaluation read a scene."""
+    scene = read_scene(path.parent)
+    lf = read_light_field(path.parent)
+    read_view_truths(path.parent, lf, [(1, 0)])
+    masks = scene.masks_of(("invalid",), "low", scene.size)
+    assert masks["invalid"].dtype == bool
+    if scene.has_high_resolution:
+        assert not np.isinf(scene.truth_of("high")).any()
+
+
+def picture_of_result(name: str) -> Callable[[Path], Path]:
+    return lambda folder: result(folder).with_name(name)
+
+
+def reads_whole_result(path: Path) -> None:
+    stored = read_result(path.parent)
+    assert stored.disparity.shape == stored.confidence.shape == stored.centre_view.shape[:2]
+    assert 0 <= stored.confidence.min() <= stored.confidence.max() <= 1
+
+
+def photograph(folder: Path) -> Path:
+    dice = np.random.default_rng(1)
+    for name in ("a.jpg", "b.jpg"):
+        Image.fromarray(dice.integers(0, 255, (60, 70, 3), np.uint8)).save(folder / name)
+    return folder / "a.jpg"
+
+
+def photographs(path: Path) -> None:
+    Photographs.from_folder(path.parent).draw(Dice(generator(1)), 2, 16)
+
+
+def begun(folder: Path) -> Run:
+    """A run without scenes, to write and read its checkpoint."""
+    run = Run.__new__(Run)
+    run.recipe = load_recipe("fast-9x9", {"averaging": 0.0})
+    run.folder, run.device, run.say = folder, torch.device("cpu"), lambda line: None
+    run.net = Epinet(EpinetConfig(views=3, stream_width=2))
+    run.averaged, run._validation = None, None
+    run.optimisers = Optimisers(run.net, run.recipe)
+    run.step, run.seconds, run.best, run.losses = 3, 1.5, 2.5, [0.5]
+    run.started_from, run.history = None, [{"step": 2, "scores": {"badpix_0.07": 2.5}}]
+    return run
+
+
+def checkpoint(folder: Path) -> Path:
+    begun(folder).save()
+    return folder / "last.pt"
+
+
+def resumes(path: Path) -> None:
+    run = begun(path.parent)
+    run._resume()
+    assert all(torch.isfinite(t).all() for t in run.net.state_dict().values())
+    run.metadata()
+    assert run.step + run.seconds >= 0
+    assert not run.best < sum(run.losses) - 1e30
+    assert run.optimisers.state()
+
+
 READERS: dict[str, Reader] = {
     "png": image("a.png"),
     "palette": image("a.png", "P"),
@@ -264,7 +410,14 @@ READERS: dict[str, Reader] = {
     "mat": Reader(written("a.mat", "lftoolbox"), good_light_field),
     "mat_v73": Reader(v73, good_light_field),
     "pfm": Reader(pfm, read_pfm),
-    "map": Reader(npy_map, lambda path: MapFile(path).read(SIZE)),
+    "map": Reader(npy_map, reads_map),
+    "map_mat": Reader(mat_map, reads_map),
+    "map_mat_v73": Reader(mat_map_v73, reads_map),
+    "run_time": Reader(run_time, times),
+    "mask": Reader(with_masks("invalid_mask.png"), scores),
+    "objects": Reader(with_masks("objectids_lowres.png"), scores),
+    "view_truth": Reader(with_masks("gt_disp_lowres_Cam003.pfm"), scores),
+    "fine_truth": Reader(with_masks("gt_disp_highres.pfm"), scores),
     "camera_json": Reader(camera("a.json"), facts),
     "camera_yaml": Reader(camera("a.yaml"), facts),
     "recipe": Reader(recipe, lambda path: load_recipe(str(path))),
@@ -273,12 +426,20 @@ READERS: dict[str, Reader] = {
     "sweep_weights": Reader(sweep_weights, predicts),
     "keras": Reader(keras, read_keras),
     "run": Reader(result, reads_result),
+    "result_map": Reader(picture_of_result("disparity.pfm"), reads_whole_result),
+    "result_confidence": Reader(picture_of_result("confidence.png"), reads_whole_result),
+    "result_view": Reader(picture_of_result("centre.png"), reads_whole_result),
     "data_set": Reader(data_set, lambda path: read_record(path.parent)),
     "log": Reader(log, goes_on),
     "submission": Reader(zipped, check_submission),
     "raw": Reader(raw, lambda path: decode(path, views=3)),
     "raw_metadata": Reader(raw_beside, decodes),
     "white_metadata": Reader(raw_beside, whites),
+    "white": Reader(whole_white, flat_fielded),
+    "white_tar": Reader(white_tar, flat_fielded),
+    "white_volume": Reader(white_volume, flat_fielded),
+    "photograph": Reader(photograph, photographs),
+    "checkpoint": Reader(checkpoint, resumes),
 }
 
 BROKEN: dict[str, Reader] = {

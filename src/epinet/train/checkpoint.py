@@ -4,20 +4,44 @@ from __future__ import annotations
 
 import io
 import textwrap
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from epinet.documents import problems_of
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
-from epinet.reading import check_regular
+from epinet.reading import check_decoded, check_regular
 from epinet.train.recipe import Recipe
 
 WHY_LENGTH = 200
 """Characters of what is said about a damaged checkpoint."""
+
+
+class _Validated(BaseModel):
+    model_config = ConfigDict(strict=True)
+    step: Annotated[int, Field(ge=0)]
+    scores: dict[str, float]
+
+
+class _Written(BaseModel):
+    """What is relied on of a state; the networks and optimisers check the rest."""
+
+    model_config = ConfigDict(strict=True)
+    recipe: dict[str, Any]
+    validated_on: str
+    started_from: dict[str, Any] | None
+    step: Annotated[int, Field(ge=0)]
+    seconds: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    best: float
+    losses: list[float]
+    history: list[_Validated]
+
 
 State = dict[str, Any]
 """With "recipe" and "validated_on", which must be those of the run that continues."""
@@ -54,20 +78,41 @@ def continuing(
     """
     try:
         check_regular(path)
+        _check_size(path)
         state = torch.load(path, weights_only=True, map_location=device)
-        if not isinstance(state, dict):
-            raise TypeError(f"it holds a {type(state).__name__}")
+        _Written.model_validate(state)
+        _check_tensors(state, path)
         _check_same(path, state, recipe, validated_on)
         yield state
     except InputError:
         raise
     except Exception as error:  # a damaged file makes torch raise anything
-        why = " ".join(str(error).split()) or type(error).__name__
+        said = problems_of(error, "it")[0] if isinstance(error, ValidationError) else str(error)
+        why = " ".join(said.split()) or type(error).__name__
         raise InputError(
             f"{path}: not a checkpoint that can be continued "
             f"({textwrap.shorten(why, WHY_LENGTH)}); "
             "remove it to begin anew, or choose another folder"
         ) from error
+
+
+def _check_size(path: Path) -> None:
+    """Refuse a file that unpacks to far more than it takes on disk."""
+    with zipfile.ZipFile(path) as archive:
+        check_decoded(path, sum(entry.file_size for entry in archive.infolist()), "its tensors")
+
+
+def _check_tensors(value: Any, path: Path) -> None:
+    """Refuse tensors, in dictionaries and lists of any depth, that no run writes."""
+    if isinstance(value, torch.Tensor):
+        if value.is_complex() or not torch.isfinite(value).all():
+            raise InputError(
+                f"{path}: holds values that are not finite, so that its run cannot go on; remove "
+                "it to begin anew, or choose another folder"
+            )
+    elif isinstance(value, dict | list | tuple):
+        for each in value.values() if isinstance(value, dict) else value:
+            _check_tensors(each, path)
 
 
 def _check_same(path: Path, state: State, recipe: Recipe, validated_on: str) -> None:
