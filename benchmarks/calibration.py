@@ -12,7 +12,6 @@ perfect, a random order gives the `random` figure.
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
 from pathlib import Path
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import epinet
+from epinet.arguments import Parser
 from epinet.metrics.disparity import BORDER_PX
 from epinet.model.checkpoint import load_weights
 from epinet.predict.batch import find_light_fields
@@ -82,7 +82,7 @@ def report(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", help="default: of epinet validation")
     parser.add_argument("-o", "--output", type=Path, help="JSON to write")
     parser.add_argument("--machine", default=platform.processor() or platform.machine())

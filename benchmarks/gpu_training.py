@@ -15,7 +15,6 @@ OUT/report.json  step rates, memory, scores
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
 import time
@@ -26,6 +25,7 @@ from typing import Any
 import torch
 
 from epinet.allocator import keep_freed_memory
+from epinet.arguments import Parser
 from epinet.io import read_light_field, write_pfm
 from epinet.predict.batch import find_light_fields
 from epinet.predict.estimator import Estimator, choose_device
@@ -112,7 +112,7 @@ def evaluate(run: Run, paths: list[Path], out: Path, end: float) -> dict[str, An
 
 def main() -> None:
     begun = time.perf_counter()
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = Parser(description=__doc__.split("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--minutes", type=float, default=9.0, help="of everything")
     parser.add_argument("--recipe", default="fast-9x9")

@@ -8,13 +8,13 @@ scenes, with as many views as they take.
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from epinet.arguments import Parser
 from epinet.model.checkpoint import load_weights, shipped_weights
 from epinet.model.epinet import Epinet
 from epinet.synth.generator import VERSION
@@ -23,7 +23,7 @@ from epinet.train.validation import Validation, mean_scores
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = Parser(description=__doc__.split("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     args = parser.parse_args()
     report: dict[str, Any] = {"generator": VERSION, "weights": {}}

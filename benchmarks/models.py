@@ -8,7 +8,6 @@ process and in float32; speeds are compared within a round, so that a noisy mach
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import platform
@@ -22,6 +21,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 import epinet
 from epinet.allocator import keep_freed_memory
+from epinet.arguments import Parser
 from epinet.model.checkpoint import MODELS
 from epinet.model.epinet import MARGIN_PX, Epinet
 from epinet.predict.estimator import Estimator
@@ -55,7 +55,7 @@ def cost(estimator: Estimator) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, help="JSON to write")
     parser.add_argument("--machine", default=platform.processor() or platform.machine())
     parser.add_argument("--rounds", type=int, default=5)

@@ -11,7 +11,6 @@ more batches, and Keras' average over all of them, and their maps of held-out sc
 
 from __future__ import annotations
 
-import argparse
 import copy
 import json
 import platform
@@ -25,6 +24,7 @@ import torch
 from torch import Tensor
 
 from epinet.allocator import keep_freed_memory
+from epinet.arguments import Parser
 from epinet.io.atomic import atomic_path
 from epinet.model.checkpoint import Weights
 from epinet.model.epinet import Epinet
@@ -59,7 +59,7 @@ def mean_difference(results: dict[str, Result], others: dict[str, Result]) -> fl
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = Parser(description=__doc__.split("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--steps", type=int, default=500)
     parser.add_argument("--machine", default=platform.processor() or platform.machine())

@@ -11,7 +11,6 @@ Mitsuba (pip install 'epinet[render]') for the renderings of meshes.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import subprocess
@@ -30,6 +29,7 @@ from PIL import Image
 
 from benchmarks.real_light_fields import CLOSE_PX, REFERENCE_BORDER_PX, agreement
 from benchmarks.write_results import table
+from epinet.arguments import Parser
 from epinet.inspect.alignment import estimate_alignment
 from epinet.io import read_light_field, read_pfm
 from epinet.lightfield import LightField
@@ -323,7 +323,7 @@ def code(mesh: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "real_captures")
     args = parser.parse_args()

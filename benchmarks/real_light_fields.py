@@ -9,7 +9,6 @@ of its own, whose time and peak memory are measured. Nothing here is used for tr
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import platform
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.stated_ranges import KEPT
+from epinet.arguments import Parser
 from epinet.io import read_light_field, read_pfm
 from epinet.metrics.disparity import BORDER_PX, score
 from epinet.model.checkpoint import MODELS, load_weights
@@ -102,7 +102,7 @@ def table(model: str, reports: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", type=Path, help="JSON to write")
     parser.add_argument("--maps", type=Path, default=Path("out/real"), help="result folders")

@@ -10,7 +10,6 @@ their scores by SweepNet, before and after the weighted median and the filling o
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 from functools import partial
@@ -21,6 +20,7 @@ import torch
 
 import epinet
 from epinet.allocator import keep_freed_memory
+from epinet.arguments import Parser
 from epinet.metrics.disparity import score
 from epinet.refine import refined, weighted_median
 from epinet.refine.holes import HOLE_CONFIDENCE
@@ -73,7 +73,7 @@ def _text(scores: list[list[float]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", nargs="*", type=Path, help="light fields with truth")
     parser.add_argument("--size", default="512x512")
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())

@@ -10,7 +10,6 @@ forward and its backward pass, all else is what a step should cost next to nothi
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
 import resource
@@ -24,6 +23,7 @@ import torch
 from torch import Tensor
 
 from epinet.allocator import keep_freed_memory
+from epinet.arguments import Parser
 from epinet.model.epinet import MARGIN_PX
 from epinet.synth.generator import SCENES_PER_BANK, bank, draw_scene, pools, star_offsets
 from epinet.synth.options import RANGES_PX, Options
@@ -160,7 +160,7 @@ def step_shares(name: str, rounds: int) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = Parser(description=__doc__.split("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--machine", default=platform.processor() or platform.machine())

@@ -13,7 +13,6 @@ is lost.
 
 from __future__ import annotations
 
-import argparse
 import json
 import multiprocessing
 import platform
@@ -29,6 +28,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from epinet import read_light_field
+from epinet.arguments import Parser
 from epinet.metrics.disparity import score
 from epinet.model import checkpoint, matching, sweepnet
 from epinet.predict import estimator
@@ -273,7 +273,7 @@ def trained(name: str, steps: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--steps", type=int, default=60)
     parser.add_argument("--only", nargs="*", choices=list(VARIANTS), default=list(VARIANTS))

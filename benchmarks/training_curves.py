@@ -13,7 +13,6 @@ machines only. Also writes the curves as a picture beside the JSON.
 
 from __future__ import annotations
 
-import argparse
 import json
 import multiprocessing
 import platform
@@ -28,6 +27,7 @@ import torch
 from matplotlib.figure import Figure
 
 from benchmarks.real_light_fields import constant_map
+from epinet.arguments import Parser
 from epinet.synth.dataset import write_dataset
 from epinet.synth.generator import VERSION
 from epinet.synth.options import Options
@@ -99,7 +99,7 @@ def plot(report: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = Parser(description=__doc__.split("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--minutes", type=float, default=30.0, help="for each recipe")
     parser.add_argument("--machine", default=platform.processor() or platform.machine())

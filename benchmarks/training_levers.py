@@ -12,7 +12,6 @@ validated on. Each run is saved as it ends; the same command goes on with what i
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
 import time
@@ -23,6 +22,7 @@ from typing import Any
 import torch
 
 from epinet.allocator import keep_freed_memory
+from epinet.arguments import Parser
 from epinet.io.atomic import atomic_path
 from epinet.synth.generator import VERSION
 from epinet.train.recipe import Recipe
@@ -118,7 +118,7 @@ def measured(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = Parser(description=__doc__.split("\n")[0])
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("benchmarks/results/training_levers.json")
     )

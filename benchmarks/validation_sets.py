@@ -11,7 +11,6 @@ left out everywhere but in the part "reflective", where the truth is that of the
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
 from collections import defaultdict
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from benchmarks.stated_ranges import KEPT, kept
 from benchmarks.truth import judged_truth
 from epinet import load_model, read_light_field
+from epinet.arguments import Parser
 from epinet.metrics.disparity import score
 from epinet.model.checkpoint import MODELS, load_weights
 from epinet.predict.estimator import Estimator
@@ -105,7 +105,7 @@ def save_picture(path: Path, rendered: Path, maps: dict[str, Maps]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--picture", type=Path, help="maps of the hardest parts, to be written")
     parser.add_argument("--pathtraced", type=Path, help="default: where make pathtraced puts them")

@@ -8,7 +8,6 @@ status 1 otherwise.
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import json
 import os
@@ -29,6 +28,7 @@ import torch
 import yaml
 
 from epinet import cli
+from epinet.arguments import Parser
 from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.io.pfm import write_pfm
 from epinet.model.checkpoint import load_weights
@@ -211,7 +211,7 @@ def problems_of(name: str, job: Job, kills: int, dice: random.Random, place: Pat
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=KILLS, help="of each command")
     parser.add_argument("--only", help="one of the commands")
     parser.add_argument("--seed", type=int, default=1)

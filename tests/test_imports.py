@@ -9,7 +9,7 @@ SOURCE = Path(epinet.__file__).parent
 
 LAYERS = (
     {"allocator", "errors", "shifts", "squares", "terminal", "texts"},
-    {"angular", "camera", "progress", "reading", "srgb"},
+    {"angular", "arguments", "camera", "progress", "reading", "srgb"},
     {"documents", "lightfield"},
     {"inspect", "metrics", "raw"},
     {"io", "refine"},

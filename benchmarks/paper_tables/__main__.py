@@ -20,6 +20,7 @@ from pathlib import Path
 from benchmarks.paper_tables import predictions, trained
 from benchmarks.paper_tables.tables import Table
 from epinet.allocator import keep_freed_memory
+from epinet.arguments import Parser
 from epinet.errors import InputError
 from epinet.train.run import StoppedError
 
@@ -27,13 +28,11 @@ RESULTS = Path(__file__).parent.parent / "results" / "paper_tables"
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    shared = argparse.ArgumentParser(add_help=False)
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    shared = Parser(add_help=False)
     shared.add_argument("--results", type=Path, default=RESULTS, help="runs and tables")
     shared.add_argument("--machine", default=platform.processor() or platform.machine())
-    lasting = argparse.ArgumentParser(add_help=False)
+    lasting = Parser(add_help=False)
     lasting.add_argument(
         "--runs", type=Path, default=Path("out/paper_tables"), help="checkpoints and scenes"
     )

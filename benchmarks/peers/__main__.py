@@ -30,6 +30,7 @@ from benchmarks.peers.picture import save_picture
 from benchmarks.peers.tables import markdown
 from benchmarks.stated_ranges import KEPT
 from benchmarks.truth import judged_truth
+from epinet.arguments import Parser
 from epinet.errors import InputError
 from epinet.io import read_light_field
 from epinet.lightfield import LightField
@@ -100,7 +101,7 @@ def equality(runner: Runner, lf: LightField) -> dict[str, Any]:
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("light_fields", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, help="JSON to write")
     parser.add_argument("--picture", type=Path, help="figure to write")

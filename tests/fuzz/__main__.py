@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 
+from epinet.arguments import Parser
 from tests.fuzz.harness import faults_of
 from tests.fuzz.readers import READERS
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Parser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=60, help="in all, shared by the readers")
     parser.add_argument("--cases", type=int, default=10_000, help="of each reader, at most")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from epinet.arguments import Parser
 from epinet.errors import InputError
 from epinet.synth.pathtraced.assets import HOW_TO_GET
 from epinet.synth.pathtraced.backend import VARIANTS
@@ -35,9 +36,9 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     defaults = Settings()
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="python -m epinet.synth.pathtraced",
         description="Render path-traced light fields of real models; run again to go on.",
         epilog=HOW_TO_GET,
