@@ -62,6 +62,33 @@ def test_a_name_cannot_forge_lines_or_rule_the_terminal(
     assert all(c == "\n" or printable(c) == c for c in printed)
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [f"--{HOSTILE}"],
+        [HOSTILE],
+        ["info", f"--{HOSTILE}"],
+        ["info", "a", f"--{HOSTILE}=1"],
+        ["demo", "-o", "a", HOSTILE],
+        ["weights", HOSTILE],
+    ],
+)
+def test_usage_errors_do_not_print_arguments_as_they_are(arguments: list[str]) -> None:
+    done = run(*arguments)
+    assert done.returncode == 2 and not done.stdout
+    printed = done.stderr.decode()
+    assert printed.startswith("Usage: ") and "\nError: " in printed
+    assert r"\x1b[2J" in printed and "\nerror: forged" not in printed
+    assert all(c == "\n" or printable(c) == c for c in printed)
+
+
+def test_help_keeps_its_lines() -> None:
+    for arguments in (["--help"], [], ["info", "--help"]):
+        done = run(*arguments)
+        lines = (done.stdout + done.stderr).decode().splitlines()
+        assert len(lines) > 5 and "Usage: " in "\n".join(lines[:2])
+
+
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-8:strict"])
 def test_names_that_an_encoding_lacks_are_escaped(tmp_path: Path, encoding: str) -> None:
     paths = [scene(tmp_path / name) for name in ("场", os.fsdecode(b"K\xfcche"))]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
-from typing import Annotated
+import warnings
+from typing import Annotated, Any
 
 import typer
 
@@ -90,8 +92,9 @@ def _options(
 def main() -> None:
     """Run the command line; bad input ends with one clear message and exit status 2."""
     os.environ.setdefault("GOMP_SPINCOUNT", SPINS)  # read when torch is loaded
+    _silence_libraries()
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
     except InputError as error:
         for problem in error.problems:
             remark(f"error: {problem}")
@@ -99,3 +102,31 @@ def main() -> None:
     except OSError as error:
         remark(f"error: {error.filename or 'input or output'}: {error.strerror}")
         sys.exit(2)
+    except typer.Abort:
+        remark("Aborted!")
+        sys.exit(1)
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # of usage, as click and typer's copy of it have
+            raise
+        _show_usage(error)
+        sys.exit(2)
+
+
+def _silence_libraries() -> None:
+    """What Pillow or numpy think of a damaged file, with lines of their source, says no user more
+    than our message; `python -W default` shows it."""
+    logging.getLogger("PIL").addHandler(logging.NullHandler())
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+
+
+def _show_usage(error: Any) -> None:
+    """Say what is wrong with the arguments, which are not printed as they are."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        lines = error.format_message().splitlines()
+    else:
+        usage = error.ctx.get_usage().splitlines() if error.ctx else []
+        hint = f"Try '{error.ctx.command_path} --help' for help." if error.ctx else ""
+        lines = [*usage, hint, "", f"Error: {error.format_message()}"]
+    for line in lines:
+        remark(line)

@@ -10,30 +10,28 @@ from typer.core import TyperCommand, TyperGroup
 from epinet.errors import InputError
 
 
-class OnceCommand(TyperCommand):
-    """A command that refuses a second value of an option that takes one."""
+class Once:
+    """What refuses a second value of an option that takes one, before the command's own parsing."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        _check_once(self, ctx, args)
-        return super().parse_args(ctx, args)
+        command: Any = self
+        _, _, given = command.make_parser(ctx).parse_args(list(args))
+        times = Counter(parameter.name for parameter in given)
+        problems = [
+            f"{'/'.join((*parameter.opts, *parameter.secondary_opts))}: given "
+            f"{times[parameter.name]} times, but only one can count; give it once"
+            for parameter in {p.name: p for p in given}.values()
+            if times[parameter.name] > 1 and not parameter.multiple
+        ]
+        if problems:
+            raise InputError(problems)
+        rest: list[str] = super().parse_args(ctx, args)  # type: ignore[misc]
+        return rest
 
 
-class OnceGroup(TyperGroup):
-    """A group of commands that refuses a second value of its own options."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        _check_once(self, ctx, args)
-        return super().parse_args(ctx, args)
+class OnceCommand(Once, TyperCommand):
+    """A command of options given once."""
 
 
-def _check_once(command: Any, ctx: Any, args: list[str]) -> None:
-    _, _, given = command.make_parser(ctx).parse_args(list(args))
-    times = Counter(parameter.name for parameter in given)
-    problems = [
-        f"{'/'.join((*parameter.opts, *parameter.secondary_opts))}: given "
-        f"{times[parameter.name]} times, but only one can count; give it once"
-        for parameter in {p.name: p for p in given}.values()
-        if times[parameter.name] > 1 and not parameter.multiple
-    ]
-    if problems:
-        raise InputError(problems)
+class OnceGroup(Once, TyperGroup):
+    """A group of commands, with options of its own given once."""
