@@ -154,8 +154,8 @@ def test_what_does_not_fit_is_named(tmp_path):
     with pytest.raises(InputError) as caught:
         read_keras(write(tmp_path / "iter.hdf5", model))
     text = str(caught.value)
-    assert "merge.3.3.weight is missing" in text
-    assert "head.2.weight is (1, 12, 3, 3), the published network has (1, 12, 2, 2)" in text
+    assert "'merge.3.3.weight' is missing" in text
+    assert "'head.2.weight' is (1, 12, 3, 3), the published network has (1, 12, 2, 2)" in text
 
 
 def test_files_of_something_else(tmp_path):

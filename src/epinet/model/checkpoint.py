@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -45,6 +45,9 @@ MODELS: dict[str, tuple[type[Network], type[EpinetConfig] | type[SweepNetConfig]
 """The networks by name, each with its configuration; the first is used unless told otherwise."""
 
 DEFAULT_MODEL = next(iter(MODELS))
+
+_MOST_PROBLEMS = 10
+_COUNTER = "num_batches_tracked"
 
 LARGEST_BYTES = 2**28
 """Of a weights file; the shipped ones have up to 10 MB."""
@@ -254,23 +257,40 @@ def _network(header: _Header, tensors: Mapping[str, Tensor], file: Path) -> Netw
         )
     except ValidationError as error:
         raise InputError(problems_of(error, f"{file}, its configuration")) from error
-    with torch.device("meta"):  # takes no memory
-        wanted = {name: tuple(t.shape) for name, t in kind(config).state_dict().items()}
-    found = {name: tuple(t.shape) for name, t in tensors.items()}
-    problems = [
-        f"{file}: tensor {short(name)} is {found.get(name, 'missing')}, its configuration has "
-        f"{wanted.get(name, 'none of that name')}"
-        for name in sorted(wanted.keys() | found.keys())
-        if wanted.get(name) != found.get(name)
-    ]
-    if not problems:
-        problems = [
-            f"{file}: tensor {name} holds values that are not finite; take another copy"
-            for name, tensor in tensors.items()
-            if not torch.isfinite(tensor).all()
-        ]
-    if problems:
-        raise InputError(problems[:10])
+    check_tensors(tensors, lambda: kind(config), "its configuration", file)
     net = kind(config)
     net.load_state_dict({n: t.float() if t.is_floating_point() else t for n, t in tensors.items()})
     return net
+
+
+def check_tensors(
+    tensors: Mapping[str, Tensor], make: Callable[[], Network], whose: str, file: Path
+) -> None:
+    """Refuse tensors that a network does not have, or that no network may have.
+
+    Args:
+        tensors: by their names in the network. Counters of batches, which tell nothing, may lack.
+        make: makes the network, here without memory.
+        whose: what the shapes are those of, for messages.
+        file: where they come from.
+
+    Raises:
+        InputError: tensors that are missing, unknown, of another shape or not finite.
+    """
+    with torch.device("meta"):
+        wanted = {name: tuple(t.shape) for name, t in make().state_dict().items()}
+    found = {name: tuple(t.shape) for name, t in tensors.items()}
+    problems = [
+        f"{file}: tensor {short(name)} is {found.get(name, 'missing')}, {whose} has "
+        f"{wanted.get(name, 'none of that name')}"
+        for name in sorted(wanted.keys() | found.keys())
+        if wanted.get(name) != found.get(name)
+        and not (name.endswith(_COUNTER) and name not in found)
+    ]
+    problems = problems or [
+        f"{file}: tensor {name} holds values that are not finite; take another copy"
+        for name, tensor in tensors.items()
+        if not torch.isfinite(tensor).all()
+    ]
+    if problems:
+        raise InputError(problems[:_MOST_PROBLEMS])

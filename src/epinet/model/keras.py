@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io.hdf5 import array_of, member, open_hdf5
-from epinet.model.checkpoint import Weights
+from epinet.model.checkpoint import Weights, check_tensors
 from epinet.model.epinet import Epinet, EpinetConfig
 from epinet.reading import check_decoded
 
@@ -60,15 +60,10 @@ def read_keras(path: Path) -> Weights:
         config = EpinetConfig(streams, views=first.shape[1], stream_width=first.shape[0])
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
-    with torch.device("meta"):  # takes no memory
-        wanted = {
-            name: tuple(t.shape)
-            for name, t in Epinet(config).state_dict().items()
-            if not name.endswith("num_batches_tracked")
-        }
-    _check(tensors, wanted, path)
+    found = {name: torch.from_numpy(array) for name, array in tensors.items()}
+    check_tensors(found, lambda: Epinet(config), "the published network", path)
     net = Epinet(config)
-    net.load_state_dict({n: torch.from_numpy(a) for n, a in tensors.items()}, strict=False)
+    net.load_state_dict(found, strict=False)
     return Weights(net.eval(), {"input": "gray", "imported_from": path.name}, str(path))
 
 
@@ -108,22 +103,3 @@ def _ours(name: str, stream: int) -> str:
     part, place, block = layer[:2], layer[3:-1], layer[-1]
     where = f"streams.{stream}" if part == "S1" else "merge"
     return f"{where}.{block}.{_PLACE_IN_BLOCK[place]}.{ours}"
-
-
-def _check(
-    arrays: dict[str, NDArray[np.float32]], wanted: dict[str, tuple[int, ...]], path: Path
-) -> None:
-    problems = []
-    for name in sorted(wanted.keys() | arrays.keys()):
-        if name not in arrays:
-            problems.append(f"{path}: {name} is missing")
-        elif name not in wanted:
-            problems.append(f"{path}: {name} is of no layer of the published network")
-        elif arrays[name].shape != wanted[name]:
-            problems.append(
-                f"{path}: {name} is {arrays[name].shape}, the published network has {wanted[name]}"
-            )
-        elif not np.isfinite(arrays[name]).all():
-            problems.append(f"{path}: {name} holds values that are not finite; take another copy")
-    if problems:
-        raise InputError(problems)
