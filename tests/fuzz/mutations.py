@@ -151,7 +151,7 @@ def _document(data: bytes, dice: random.Random) -> bytes:
     """A JSON document with values of another type, or missing, or deep, or again."""
     try:
         value = json.loads(data)
-    except ValueError:  # of many lines
+    except (ValueError, RecursionError):  # of many lines, or mutated to be deep
         lines = data.splitlines()
         if len(lines) < 2:
             return _flip(data, dice)
