@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 import epinet
 from epinet.arguments import Parser
 from epinet.metrics.disparity import BORDER_PX
-from epinet.model.checkpoint import load_weights
+from epinet.networks.weights import load_weights
 from epinet.predict.batch import find_light_fields
 from epinet.predict.confidence import WITHIN_PX
 from epinet.synth.generator import VERSION

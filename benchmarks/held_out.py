@@ -15,8 +15,7 @@ from typing import Any
 import torch
 
 from epinet.arguments import Parser
-from epinet.model.checkpoint import load_weights, shipped_weights
-from epinet.model.epinet import Epinet
+from epinet.networks.weights import load_weights, shipped_weights
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX
 from epinet.train.validation import Validation, mean_scores
@@ -29,7 +28,7 @@ def main() -> None:
     report: dict[str, Any] = {"generator": VERSION, "weights": {}}
     for name in shipped_weights():
         weights = load_weights(name)
-        views = weights.net.config.views if isinstance(weights.net, Epinet) else 9
+        views = weights.net.views[0]
         held_out = Validation.rendered(views, RANGES_PX["hci"])
         scores = mean_scores(held_out.predict(weights, torch.device("cpu"), bf16=False))
         report["weights"][name] = {"sha256": weights.sha256, "scores": scores}

@@ -1,4 +1,4 @@
-"""How much memory a tile takes: what the constants of `epinet.predict.tiling` rest on.
+"""How much memory a tile takes: what the networks' constants rest on.
 
     python -m benchmarks.memory
 
@@ -14,9 +14,7 @@ import sys
 
 import torch
 
-from epinet.model.epinet import MARGIN_PX, Epinet
-from epinet.model.sweepnet import SweepNet
-from epinet.predict.tiling import run_overlapping, run_tiled
+from epinet.networks.registry import network_type
 from epinet.synth.options import RANGES_PX
 
 SIDES_PX = {"epinet": (1, 96, 192, 384), "sweepnet": (32, 256, 512, 768)}
@@ -24,13 +22,9 @@ SIDES_PX = {"epinet": (1, 96, 192, 384), "sweepnet": (32, 256, 512, 768)}
 
 def peak_mb(model: str, side: int) -> float:
     """Peak memory of a process that computes one tile."""
-    stacks = torch.zeros(4, 9, side, side)
-    net = Epinet() if model == "epinet" else SweepNet()
-    net.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    if isinstance(net, Epinet):
-        run_tiled(net, stacks, side)
-    else:
-        run_overlapping(net, stacks, RANGES_PX["hci"], 1e6)
+    net = network_type(model)().eval()
+    net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    net.predict(torch.zeros(4, 9, side, side), RANGES_PX["hci"], 1e6)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
@@ -41,7 +35,7 @@ def main() -> None:
     for model, sides in SIDES_PX.items():
         command = [sys.executable, "-m", "benchmarks.memory", model]
         base, *peaks = (float(subprocess.check_output([*command, str(side)])) for side in sides)
-        margin, channels = (2 * MARGIN_PX, 280) if model == "epinet" else (0, 1)
+        margin, channels = (22, 280) if model == "epinet" else (0, 1)
         for side, peak in zip(sides[1:], peaks, strict=True):
             floats = (peak - base) * 2**20 / 4 / (side + margin) ** 2 / channels
             print(f"{model}, {side} px: {peak - base:.0f} MB, {floats:.1f} floats")

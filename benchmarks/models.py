@@ -22,8 +22,7 @@ from torch.utils.flop_counter import FlopCounterMode
 import epinet
 from epinet.allocator import keep_freed_memory
 from epinet.arguments import Parser
-from epinet.model.checkpoint import MODELS
-from epinet.model.epinet import MARGIN_PX, Epinet
+from epinet.networks.registry import OURS
 from epinet.predict.estimator import Estimator
 from epinet.synth.generator import render_scene
 from epinet.synth.options import RANGES_PX, Options
@@ -43,11 +42,9 @@ IN_PLACE = {torch.ops.aten.baddbmm_: _products}
 def cost(estimator: Estimator) -> dict[str, Any]:
     """Parameters, and multiply-adds per pixel of the map for disparities of -4..4 px."""
     net = estimator.weights[0].net
-    margin = MARGIN_PX if isinstance(net, Epinet) else 0
-    stacks = torch.rand(1, 4, 9, SIDE_PX + 2 * margin, SIDE_PX + 2 * margin)
-    stacks = stacks.to(estimator.device)
+    stacks = torch.rand(1, 4, 9, SIDE_PX, SIDE_PX).to(estimator.device)
     with torch.no_grad(), FlopCounterMode(display=False, custom_mapping=IN_PLACE) as counter:
-        net(stacks) if isinstance(net, Epinet) else net(stacks, RANGES_PX["hci"])
+        net.estimate(stacks, RANGES_PX["hci"])
     return {
         "parameters": sum(p.numel() for p in net.parameters()),
         "multiply_adds_per_px": counter.get_total_flops() // 2 // SIDE_PX**2,
@@ -63,7 +60,7 @@ def main() -> None:
     args = parser.parse_args()
     keep_freed_memory()  # as the command line does
     lf = render_scene(Options(), 1, 0, star_only=True)
-    models = {name: epinet.load_model(model=name, device=args.device) for name in MODELS}
+    models = {name: epinet.load_model(model=name, device=args.device) for name in OURS}
     seconds: dict[str, list[float]] = {name: [] for name in models}
     network: dict[str, list[float]] = {name: [] for name in models}
     for round_ in range(args.rounds + 1):

@@ -26,12 +26,11 @@ from torch import Tensor
 from epinet.allocator import keep_freed_memory
 from epinet.arguments import Parser
 from epinet.io.atomic import atomic_path
-from epinet.model.checkpoint import Weights
-from epinet.model.epinet import Epinet
-from epinet.model.normed import take_statistics, without_norms
+from epinet.networks.epinet import Epinet
+from epinet.networks.weights import Weights
 from epinet.predict.result import Result
 from epinet.synth.generator import VERSION
-from epinet.train.classes import remove_classes
+from epinet.train.norms import take_statistics
 from epinet.train.recipe_files import load_recipe
 from epinet.train.run import STATISTICS_BATCHES, Run
 from epinet.train.validation import Validation, mean_scores
@@ -46,10 +45,8 @@ KERAS = f"Keras' average, {MOST}"
 def with_statistics(net: Epinet, stacks: Iterable[Tensor], momentum: float | None) -> Epinet:
     """The network with statistics of these batches: their plain mean, or a slow average."""
     net = copy.deepcopy(net)
-    take_statistics(net, stacks, momentum)
-    net = without_norms(net)
-    remove_classes(net)
-    return net.eval()
+    take_statistics(net, net, stacks, momentum)
+    return net.folded().eval()
 
 
 def mean_difference(results: dict[str, Result], others: dict[str, Result]) -> float:

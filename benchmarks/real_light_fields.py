@@ -25,7 +25,8 @@ from benchmarks.stated_ranges import KEPT
 from epinet.arguments import Parser
 from epinet.io import read_light_field, read_pfm
 from epinet.metrics.disparity import BORDER_PX, score
-from epinet.model.checkpoint import MODELS, load_weights
+from epinet.networks.registry import OURS
+from epinet.networks.weights import load_weights
 
 NAMES = ("antinous", "dino", "kitchen", "lytro_2067")
 REFERENCE_BORDER_PX = 11
@@ -110,7 +111,7 @@ def main() -> None:
     parser.add_argument("options", nargs="*", help="more options of epinet predict, after --")
     args = parser.parse_args()
     models: dict[str, Any] = {}
-    for model in MODELS:
+    for model in OURS:
         options = ["--model", model, *args.options]
         models[model] = {n: examine(n, args.folder, args.maps / model, options) for n in NAMES}
     if args.output:

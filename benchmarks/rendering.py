@@ -24,11 +24,11 @@ from torch import Tensor
 
 from epinet.allocator import keep_freed_memory
 from epinet.arguments import Parser
-from epinet.model.epinet import MARGIN_PX
+from epinet.networks.base import Batch
 from epinet.synth.generator import SCENES_PER_BANK, bank, draw_scene, pools, star_offsets
 from epinet.synth.options import RANGES_PX, Options
 from epinet.synth.render import Lens, render
-from epinet.train.batches import Batch, Cut, batches_of
+from epinet.train.batches import Cut, batches_of
 from epinet.train.parallel import Team
 from epinet.train.recipe import Recipe
 from epinet.train.recipe_files import load_recipe
@@ -88,7 +88,7 @@ def training_rate(rounds: int) -> tuple[float, float]:
         batches(step)
     steps = range(SLOTS, SLOTS + SLOTS * STEPS_PER_POOL)  # every slot gets a new pool once
     data_s = seconds(lambda: [batches(step) for step in steps], "cpu")
-    pixels = recipe.batch * VIEWS * (recipe.patch_px + 2 * MARGIN_PX) ** 2 / 1e6
+    pixels = recipe.batch * VIEWS * (recipe.patch_px + 2 * recipe.kind.margin_px) ** 2 / 1e6
     return pixels / step_s, len(steps) * pixels / data_s
 
 

@@ -30,11 +30,11 @@ from torch.nn import functional as F
 from epinet import read_light_field
 from epinet.arguments import Parser
 from epinet.metrics.disparity import score
-from epinet.model import checkpoint, matching, sweepnet
+from epinet.networks import weights
+from epinet.networks.sweepnet import layers, loss, matching, network
 from epinet.predict import estimator
 from epinet.synth.generator import VERSION
 from epinet.synth.validation import validation_folder
-from epinet.train import losses, recipe
 from epinet.train.recipe_files import load_recipe
 from epinet.train.run import Run
 
@@ -92,11 +92,11 @@ def _without(skipped: int) -> Callable[[], None]:
     """A refinement that passes on its map, and the error that the one before it expects."""
 
     def patch() -> None:
-        forward = sweepnet._Refine.forward
+        forward = layers.Refine.forward
         expected = torch.zeros(1, 1, 1, 1)
 
         def skipping(
-            self: sweepnet._Refine, views: Any, disparity: Tensor, *args: Any, **options: Any
+            self: layers.Refine, views: Any, disparity: Tensor, *args: Any, **options: Any
         ) -> Any:
             nonlocal expected
             if self.place == skipped:
@@ -104,61 +104,62 @@ def _without(skipped: int) -> Callable[[], None]:
             disparity, expected = forward(self, views, disparity, *args, **options)
             return disparity, expected
 
-        class Skipping(sweepnet.SweepNet):
-            def __init__(self, config: sweepnet.SweepNetConfig) -> None:
-                super().__init__(config)
-                for place, refine in enumerate(self.refine):
-                    refine.place = place
+        begin = network.SweepNet.__init__
 
-        recipe.SweepNet = Skipping
-        sweepnet._Refine.forward = skipping
+        def numbered(self: network.SweepNet, *config: layers.SweepNetConfig) -> None:
+            begin(self, *config)
+            for place, refine in enumerate(self.refine):
+                refine.place = place
+
+        network.SweepNet.__init__ = numbered
+        layers.Refine.forward = skipping
 
     return patch
 
 
 def _shaped(
-    change: Callable[[sweepnet.SweepNetConfig], sweepnet.SweepNetConfig],
+    change: Callable[[layers.SweepNetConfig], layers.SweepNetConfig],
 ) -> Callable[[], None]:
     """A network of the same weights that works by another configuration."""
 
     def patch() -> None:
-        hypotheses = sweepnet.SweepNet.hypotheses
+        hypotheses = network.SweepNet.hypotheses
 
-        def shaped(self: sweepnet.SweepNet, *args: Any) -> tuple[int, Tensor]:
+        def shaped(self: network.SweepNet, *args: Any) -> tuple[int, Tensor]:
             self.config = change(self.config)
             return hypotheses(self, *args)
 
-        sweepnet.SweepNet.hypotheses = shaped
+        network.SweepNet.hypotheses = shaped
 
     return patch
 
 
-def _once(config: sweepnet.SweepNetConfig) -> sweepnet.SweepNetConfig:
+def _once(config: layers.SweepNetConfig) -> layers.SweepNetConfig:
     return replace(config, full=replace(config.full, rounds=1))
 
 
 def _no_fill() -> None:
-    forward = sweepnet._Fill.forward
+    forward = layers.Fill.forward
 
-    def without(self: sweepnet._Fill, swept: Tensor, *args: Tensor) -> tuple[Tensor, ...]:
+    def without(self: layers.Fill, swept: Tensor, *args: Tensor) -> tuple[Tensor, ...]:
         return swept, *forward(self, swept, *args)[1:]
 
-    sweepnet._Fill.forward = without
+    layers.Fill.forward = without
 
 
 def _no_neighbours() -> None:
-    neighbours = sweepnet._neighbours
+    neighbours = layers._neighbours
 
     def own(images: Tensor, side: int, apart_px: int) -> list[Tensor]:
         if apart_px == 1:  # by which a map is enlarged
             return neighbours(images, side, apart_px)
         return [images] * side**2
 
-    sweepnet._neighbours = own
+    layers._neighbours = own
 
 
 def _two_windows() -> None:
-    sweepnet.BOXES_PX = (5, 5, 15, 15)
+    layers.BOXES_PX = (5, 5, 15, 15)
 
 
 def _squares(
@@ -188,17 +189,17 @@ def _no_gains() -> None:
 
 
 def _no_context() -> None:
-    forward = sweepnet._Fill.forward
+    forward = layers.Fill.forward
 
-    def without(self: sweepnet._Fill, *args: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def without(self: layers.Fill, *args: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         filled, context, shares = forward(self, *args)
         return filled, torch.zeros_like(context), shares
 
-    sweepnet._Fill.forward = without
+    layers.Fill.forward = without
 
 
 def _no_classes() -> None:
-    losses.CLASSES = 0.0
+    loss.CLASSES = 0.0
 
 
 HCI, FLOORS, NARROW, WIDE = load_recipe(RECIPE).as_dict()["data"]
@@ -243,7 +244,7 @@ def trained(name: str, steps: int) -> dict[str, Any]:
     variant = VARIANTS[name]
     variant.patch()
     changes: dict[str, Any] = {
-        "start": checkpoint.SWEEPNET,
+        "start": RECIPE,
         "steps": steps,
         "warmup_steps": steps // 10,
         "learning_rate": 1e-3,
@@ -284,7 +285,7 @@ def main() -> None:
         "machine": args.machine,
         "steps": args.steps,
         "generator": VERSION,
-        "weights": checkpoint.load_weights(checkpoint.SWEEPNET).sha256,
+        "weights": weights.load_weights(RECIPE).sha256,
         "variants": {},
     }
     if args.output.exists():

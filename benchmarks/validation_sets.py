@@ -26,7 +26,8 @@ from benchmarks.truth import judged_truth
 from epinet import load_model, read_light_field
 from epinet.arguments import Parser
 from epinet.metrics.disparity import score
-from epinet.model.checkpoint import MODELS, load_weights
+from epinet.networks.registry import OURS
+from epinet.networks.weights import load_weights
 from epinet.predict.estimator import Estimator
 from epinet.predict.pictures import COLOUR_MAP, robust_range
 from epinet.synth.generator import VERSION
@@ -113,10 +114,10 @@ def main() -> None:
     args = parser.parse_args()
     rendered = validation_folder()
     traced = args.pathtraced or rendered.parent / "pathtraced"
-    maps: dict[str, Maps] = {model: {} for model in MODELS}
-    bounded: dict[str, list[bool]] = {model: [] for model in MODELS}
+    maps: dict[str, Maps] = {model: {} for model in OURS}
+    bounded: dict[str, list[bool]] = {model: [] for model in OURS}
     models = {
-        model: score_all(model, rendered, traced, maps[model], bounded[model]) for model in MODELS
+        model: score_all(model, rendered, traced, maps[model], bounded[model]) for model in OURS
     }
     if args.picture:
         save_picture(args.picture, rendered, maps)

@@ -16,7 +16,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from benchmarks.stated_ranges import KEPT, note
-from epinet.model.checkpoint import load_weights, shipped_weights
+from epinet.networks.weights import load_weights, shipped_weights
 from epinet.synth.generator import VERSION
 
 ROOT = Path(__file__).parent.parent

@@ -31,7 +31,7 @@ from epinet import cli
 from epinet.arguments import Parser
 from epinet.benchmark.scenes import BENCHMARK_SCENES
 from epinet.io.pfm import write_pfm
-from epinet.model.checkpoint import load_weights
+from epinet.networks.weights import load_weights
 
 KILLS = 20
 POLL_S = 0.005

@@ -18,8 +18,8 @@ from safetensors.numpy import save_file
 from epinet.io import LAYOUTS, read_light_field, write_light_field, write_pfm
 from epinet.io.images import write_png
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import save_weights
-from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.weights import save_weights
 
 SIZE = (24, 30)
 

@@ -14,7 +14,7 @@ LAYERS = (
     {"inspect", "metrics", "raw"},
     {"io", "refine"},
     {"geometry", "effects"},
-    {"model"},
+    {"networks"},
     {"synth"},
     {"predict"},
     {"train", "benchmark"},

@@ -5,7 +5,7 @@ import runpy
 from pathlib import Path
 
 from benchmarks.paper_tables.predictions import WIDE_SET
-from epinet.model.checkpoint import load_weights, shipped_weights
+from epinet.networks.weights import load_weights, shipped_weights
 
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "benchmarks" / "results"

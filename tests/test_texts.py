@@ -12,7 +12,7 @@ from epinet.io.camera_file import read_camera
 from epinet.io.images import write_png
 from epinet.io.parameters import read_parameters
 from epinet.io.pfm import read_pfm
-from epinet.model.checkpoint import load_weights
+from epinet.networks.weights import load_weights
 from epinet.raw.container import parse_json
 from epinet.texts import decoded
 

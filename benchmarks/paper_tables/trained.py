@@ -222,10 +222,12 @@ def _scale(trainings: Trainings, runs: list[Any]) -> str:
     judged = f"{SCENES} rendered scenes of held-out kinds"
     if trainings.validation:
         judged = f"the scenes in {listed(list(map(str, trainings.validation)))}"
+    width = recipe.as_dict()["width"]
     optimisation = "the paper's" if budget.base is None else f"that of {budget.base}"
     return (
         f"{budget.steps} steps of {recipe.batch} patches of {recipe.patch_px}x{recipe.patch_px} px "
-        f"on {scenes}, {budget.seeds} seeds, {recipe.width} channels in each of four streams, "
+        f"on {scenes}, {budget.seeds} seeds, {width} channels in each of four streams, "
+        f""
         f"optimisation: {optimisation}; judged by {judged}; {machines(runs)}. "
         f"{budget.about} The paper trained for 5 to 6 days on a GPU and tested on the benchmark. "
         f"{sum(run['minutes'] for run in runs):.0f} minutes in all."

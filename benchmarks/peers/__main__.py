@@ -35,7 +35,7 @@ from epinet.errors import InputError
 from epinet.io import read_light_field
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import score
-from epinet.model.checkpoint import Weights, load_weights
+from epinet.networks.weights import Weights, load_weights
 from epinet.predict.batch import find_light_fields
 
 TOLERANCE_PX = 1e-4

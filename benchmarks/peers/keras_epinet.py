@@ -9,17 +9,19 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch.nn import functional as F
 
 from benchmarks.peers.keras_weights import write_keras
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import Weights, load_weights
-from epinet.model.contrast import local_contrast
-from epinet.model.epinet import Epinet
-from epinet.predict.tiling import pad_views, run_tiled
+from epinet.networks.epinet import Epinet
+from epinet.networks.epinet.layers import MARGIN_PX
+from epinet.networks.weights import Weights, load_weights
+from epinet.synth.options import RANGES_PX
 
 REQUIREMENT = "tensorflow-cpu==2.21.*"
 WORKER = Path(__file__).parent / "keras_worker.py"
 WEIGHTS = "epinet_9x9"
+MEMORY_MB = 1536.0
 
 
 def ensure_environment(folder: Path) -> Path:
@@ -43,15 +45,17 @@ def prepare(weights: Weights, lf: LightField, folder: Path) -> list[str]:
     assert isinstance(weights.net, Epinet)
     stacks = _seen(weights, lf)
     write_keras(folder / "weights.h5", weights.net)
-    np.save(folder / "stacks.npy", pad_views(stacks).numpy())
+    padded = F.pad(stacks, (MARGIN_PX,) * 4, mode="replicate")
+    np.save(folder / "stacks.npy", padded.numpy())
     return [str(folder / "weights.h5"), str(folder / "stacks.npy")]
 
 
 def ours(weights: Weights, lf: LightField) -> NDArray[np.float32]:
     """The map (H, W) that our network makes of the same."""
     assert isinstance(weights.net, Epinet)
-    disparity: NDArray[np.float32] = run_tiled(weights.net, _seen(weights, lf), 512).numpy()
-    return disparity
+    disparity, _ = weights.net.predict(_seen(weights, lf), RANGES_PX["hci"], MEMORY_MB)
+    found: NDArray[np.float32] = disparity.numpy()
+    return found
 
 
 def shipped() -> Weights:
@@ -76,5 +80,5 @@ def random(seed: int = 1) -> Weights:
 
 
 def _seen(weights: Weights, lf: LightField) -> torch.Tensor:
-    stacks = torch.from_numpy(lf.central(weights.views[0]).stacks(weights.views[0]))
-    return local_contrast(stacks) if weights.sees_local_contrast else stacks
+    (views,) = weights.net.views
+    return weights.input.of(torch.from_numpy(lf.central(views).stacks(views)))

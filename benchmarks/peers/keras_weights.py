@@ -1,4 +1,4 @@
-"""Our weights in the reference's HDF5 layout: the inverse of `epinet.model.keras.read_keras`."""
+"""Our weights in the reference's HDF5 layout: the inverse of `networks.epinet.keras.read_keras`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from epinet.model.epinet import Epinet
+from epinet.networks.epinet import Epinet
 
 Arrays = Mapping[str, NDArray[np.float32]]
 

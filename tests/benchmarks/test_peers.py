@@ -12,8 +12,8 @@ from benchmarks.peers.tables import markdown
 from benchmarks.peers.total_variation import EDGE, smoothed
 from epinet.camera import Camera
 from epinet.lightfield import LightField
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.model.keras import read_keras
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet.keras import read_keras
 
 SIDE, FAR_PX, NEAR_PX = 72, -1.3, 1.9
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from epinet.io import write_light_field, write_pfm
-from epinet.model.checkpoint import save_weights
-from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.weights import save_weights
 from epinet.synth.generator import render_scene
 from epinet.synth.options import Options
 

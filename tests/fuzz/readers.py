@@ -34,10 +34,10 @@ from epinet.io.hci import read_view_truths
 from epinet.io.lftoolbox import write_v73
 from epinet.io.pfm import read_pfm, write_pfm
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import load_weights, save_weights
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.model.keras import read_keras
-from epinet.model.sweepnet import SweepNet
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet.keras import read_keras
+from epinet.networks.sweepnet import SweepNet
+from epinet.networks.weights import load_weights, save_weights
 from epinet.predict.estimator import Estimator
 from epinet.predict.result import Result
 from epinet.predict.stored import read_result

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from epinet.model.checkpoint import Weights
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.model.initialise import start_on_differences
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet.start import start_on_differences
+from epinet.networks.weights import Weights
 from epinet.predict.estimator import Estimator
 
 

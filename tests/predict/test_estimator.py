@@ -7,11 +7,11 @@ import torch
 from epinet.angular import SYMMETRIES
 from epinet.errors import InputError
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import Weights
-from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.tiling import even_tiles
+from epinet.networks.weights import Weights
 from epinet.predict.confidence import Calibration, agreement, support
 from epinet.predict.estimator import Estimator, enlarge, shrink
-from epinet.predict.tiling import even_tiles, pad_views, run_tiled, tile_side_px
 from epinet.synth.generator import render_scene
 from epinet.synth.options import Faults, Options
 
@@ -57,11 +57,12 @@ def test_the_map_has_the_size_of_the_views_and_equals_the_network_inside(estimat
 
 
 @pytest.mark.parametrize("side", [11, 27, 52])
-def test_tiled_equals_untiled(estimator, scene, side):
-    stacks = torch.from_numpy(scene.stacks(5))
-    whole = run_tiled(estimator.weights[0].net, stacks, 1000)
+def test_tiled_equals_untiled(estimator, scene, side, monkeypatch):
+    net, stacks = estimator.weights[0].net, torch.from_numpy(scene.stacks(5))
+    whole, _ = net.predict(stacks, (-1, 1), 1000)
     shares: list[float] = []
-    tiled = run_tiled(estimator.weights[0].net, stacks, side, shares.append)
+    monkeypatch.setattr(Epinet, "tile_side_px", lambda self, memory_mb: side)
+    tiled, _ = net.predict(stacks, (-1, 1), 1, shares.append)
     np.testing.assert_allclose(tiled, whole, atol=1e-5)
     assert sum(shares) == pytest.approx(1)
     assert len(shares) == len(even_tiles(40, side)) * len(even_tiles(53, side))
@@ -76,17 +77,20 @@ def test_tiles_cover_a_length_once_and_stay_below_the_bound():
 
 
 def test_more_memory_allows_larger_tiles(estimator):
-    sides = [tile_side_px(estimator.weights[0].net, mb) for mb in (1, 10, 1000)]
+    sides = [estimator.weights[0].net.tile_side_px(mb) for mb in (1, 10, 1000)]
     assert sides == sorted(sides)
     assert sides[0] < sides[-1]
 
 
-def test_padding_repeats_the_edges_of_each_view():
-    stacks = torch.rand(4, 3, 5, 6)
-    padded = pad_views(stacks)
-    assert torch.equal(padded[..., 11:-11, 11:-11], stacks)
-    assert torch.equal(padded[..., 0, 11:-11], stacks[..., 0, :])
-    assert torch.equal(padded[..., 11:-11, -1], stacks[..., -1])
+def test_the_map_is_that_of_views_whose_edges_are_repeated(estimator):
+    net, stacks = estimator.weights[0].net, np.random.default_rng(1).random((4, 5, 9, 12))
+    padded = np.pad(stacks, ((0, 0), (0, 0), (11, 11), (11, 11)), mode="edge")
+    seen, whole = (torch.from_numpy(a.astype(np.float32))[None] for a in (stacks, padded))
+    with torch.no_grad():
+        expected = net(whole)[0, 0]
+        found, _ = net.estimate(seen, (-1, 1))
+    assert torch.equal(found[0, 0], expected)
+    assert torch.allclose(net.predict(seen[0], (-1, 1), 1000)[0], expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("symmetry", (SYMMETRIES[1], SYMMETRIES[4]), ids=str)  # generators

@@ -12,11 +12,10 @@ from epinet.angular import SYMMETRIES, direction_positions
 from epinet.errors import InputError
 from epinet.inspect import estimate_range
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import Weights
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.predict import tiling
-from epinet.predict.estimator import Estimator, _by_sweepnet, search_range
-from epinet.predict.tiling import run_overlapping
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.sweepnet import SweepNet
+from epinet.networks.weights import Weights
+from epinet.predict.estimator import Estimator, _run, search_range
 from epinet.synth.generator import render_scene
 from epinet.synth.options import RANGES_PX, Faults, Options
 
@@ -138,7 +137,7 @@ def test_the_ensemble_of_turned_views_is_the_turned_ensemble(model, scene, symme
     stacks = torch.from_numpy(scene.stacks(9))
 
     def ensemble(views):
-        return _by_sweepnet(net, views, (-2, 2), True, 1000, lambda share: None)
+        return _run(net, views, (-2, 2), True, 1000, lambda share: None)
 
     for one, other in zip(
         ensemble(symmetry.apply_to_stacks(stacks)), ensemble(stacks), strict=True
@@ -149,10 +148,10 @@ def test_the_ensemble_of_turned_views_is_the_turned_ensemble(model, scene, symme
 def test_tiles_give_nearly_what_the_whole_gives(model, scene, monkeypatch):
     net = model.weights[0].net
     stacks = torch.from_numpy(scene.stacks(9))
-    whole, error = run_overlapping(net, stacks, (-2.0, 2.0), 4000)
-    monkeypatch.setattr(tiling, "OVERLAP_PX", 32)
+    whole, error = net.predict(stacks, (-2.0, 2.0), 4000)
+    monkeypatch.setattr(SweepNet, "overlap_px", 32)
     shares: list[float] = []
-    tiled, _ = run_overlapping(net, stacks, (-2.0, 2.0), 1, shares.append)
+    tiled, _ = net.predict(stacks, (-2.0, 2.0), 1, shares.append)
     assert len(shares) == 4
     assert sum(shares) == pytest.approx(1)
     assert (tiled - whole).abs().median() < 1e-3
@@ -165,8 +164,8 @@ def test_tiles_begin_where_the_smallest_pictures_have_pixels(model, range_px, bo
     """Or means of pixels, and so all that follows, would differ from the whole's everywhere."""
     net = model.weights[0].net
     stacks = torch.from_numpy(plane(0.37, side=139).stacks(9))
-    whole, _ = run_overlapping(net, stacks, range_px, 4000)
-    tiled, _ = run_overlapping(net, stacks, range_px, 1)
+    whole, _ = net.predict(stacks, range_px, 4000)
+    tiled, _ = net.predict(stacks, range_px, 1)
     difference = (tiled - whole).abs()
     assert difference.median() < bound_px and difference.max() < 0.02
 

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from epinet.angular import CENTRAL_NINE, direction_positions
+from epinet.inspect.disparity_range import searched
 from epinet.inspect.information import WINDOW_PX
-from epinet.model.sweepnet import searched
+from epinet.networks.inputs import GRAY
 from epinet.train.augment import AUGMENTATIONS, ColourScale, GrayWeights, ViewShift
 from epinet.train.batches import TRIES, Batches, Cut, batches_of, textured
 from epinet.train.patches import Frames, LightFields
@@ -66,10 +67,11 @@ def numbered(needs: Needs, side: int = 24) -> LightFields:
 def plain(**changes) -> Cut:
     cut = {
         "views": 3,
-        "streams": 4,
+        "directions": 4,
+        "net_margin_px": 11,
         "batch": 1,
         "patch_px": 1,
-        "local_contrast": False,
+        "input": GRAY,
         "texture_threshold": 0.02,
         "least_weight": None,
     }
@@ -80,7 +82,7 @@ def plain(**changes) -> Cut:
 def test_stacks_hold_each_view_where_the_network_expects_it(streams):
     offsets = Needs(5).offsets
     patch = numbered(Needs(5))
-    cut = plain(views=5, streams=streams, patch_px=2, least_weight=1.0)
+    cut = plain(views=5, directions=streams, patch_px=2, least_weight=1.0)
     stacks = Batches(cut, Fixed(patch), [], seed=1)(0).stacks[0, :, :, 0, 0]
     directions = {1: (0,), 2: (0, 90), 4: (90, 0, 45, -45)}[streams]
     for stack, direction in zip(stacks, directions, strict=True):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.model.epinet import MARGIN_PX
-from epinet.model.sweepnet import Estimates
-from epinet.train.losses import CLASSES, EARLIER, ERROR, FAR, sweepnet_loss
+from epinet.networks.robust import FAR
+from epinet.networks.sweepnet.estimates import Estimates
+from epinet.networks.sweepnet.loss import CLASSES, EARLIER, ERROR, MARGIN_PX, sweepnet_loss
 
 SIDE_PX = 4
 SCALE_PX = 0.05

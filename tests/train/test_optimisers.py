@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.train.optimisers import Muon, Optimisers, hidden_weights, orthogonalised
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.train.optimisers import Muon, Optimisers, orthogonalised
 from epinet.train.recipe import Recipe
 
 
@@ -45,7 +45,7 @@ def test_weight_decay_shrinks():
 def test_rmsprop_is_that_of_keras():
     """Keras: v = .9 v + .1 g^2, p -= lr g / (sqrt(v) + 1e-7)."""
     net = Epinet(EpinetConfig(views=3, stream_width=2))
-    optimisers = Optimisers(net, Recipe(views=3))
+    optimisers = Optimisers(net, Recipe.of({"views": 3}))
     parameter = net.head[2].weight
     expected, v = parameter.detach().numpy().copy(), 0.0
     for k in range(3):
@@ -60,8 +60,8 @@ def test_rmsprop_is_that_of_keras():
 
 def test_muon_takes_the_hidden_layers_and_adam_the_rest():
     net = Epinet(EpinetConfig(views=3, stream_width=2))
-    hidden = hidden_weights(net)
+    hidden = net.hidden_weights()
     assert len(hidden) == 4 * 5 + 14 + 1  # of 22 layers, four times the first six
-    optimisers = Optimisers(net, Recipe(views=3, optimiser="muon"))
+    optimisers = Optimisers(net, Recipe.of({"views": 3, "optimiser": "muon"}))
     counts = [sum(len(g["params"]) for g in o.param_groups) for o, _ in optimisers.parts]
     assert counts == [len(hidden), len(list(net.parameters())) - len(hidden)]

@@ -19,7 +19,7 @@ def test_every_shipped_recipe_is_whole_and_described():
         recipe = load_recipe(name)
         assert recipe.name == name
         assert len(recipe.about) > 20
-        assert Recipe(**recipe.as_dict()) == recipe
+        assert Recipe.of(recipe.as_dict()) == recipe
     assert {"paper-9x9", "paper-7x7", "fast-9x9", "fast-7x7", "fast-5x5"} <= names
 
 
@@ -28,7 +28,7 @@ def test_the_papers_recipe_is_the_papers():
     assert (recipe.views, recipe.streams, recipe.batch, recipe.patch_px) == (9, 4, 16, 1)
     assert recipe.network().config.parameters == 5_118_681
     assert recipe.optimiser == "rmsprop"
-    assert recipe.steps == Recipe().steps == 10_000_000  # figure 3's caption
+    assert recipe.steps == Recipe.of({}).steps == 10_000_000  # figure 3's caption
     assert recipe.rate(0) == pytest.approx(1e-5)
     assert recipe.rate(recipe.steps) == pytest.approx(1e-6)
     assert recipe.texture_threshold == 0.02
@@ -188,14 +188,14 @@ def test_recipes_that_are_none(tmp_path):
     ],
 )
 def test_what_sweepnet_cannot_do_is_refused(change, named):
-    with pytest.raises(InputError, match=rf"{named}: SweepNet takes"):
+    with pytest.raises(InputError, match=named):
         changed_recipe("sweepnet", [change], [], [])
     for shape in ("sweep_width: -3", "sweep_width: wide", "depth: 2"):
         with pytest.raises(InputError, match="shape: "):
             changed_recipe("sweepnet", [f"shape={{{shape}}}"], [], [])
     with pytest.raises(InputError, match="frozen: nothing is left to learn"):
         load_recipe("sweepnet", {"start": "sweepnet", "frozen": ["sweep", "fill", "refine"]})
-    with pytest.raises(InputError, match="EPINET sees a fixed number of views"):
+    with pytest.raises(InputError, match="epinet sees a fixed number of views"):
         changed_recipe("fast-9x9", ["fewer_views=0.1"], [], [])
     with pytest.raises(InputError, match="there are sweepnet, epinet"):
         changed_recipe("fast-9x9", ["model=other"], [], [])
@@ -227,9 +227,11 @@ def test_faults_can_be_chosen():
 
 
 def test_weights_name_the_scenes_that_they_learned_from(tmp_path):
-    rendered = Recipe(data=[{"generator": "hci"}])
+    rendered = Recipe.of({"data": [{"generator": "hci"}]})
     assert rendered.provenance == {"generator": VERSION, "seed": rendered.seed}
-    on_disk = Recipe(data=[{"folder": tmp_path}])
+    on_disk = Recipe.of({"data": [{"folder": tmp_path}]})
     assert on_disk.provenance == {"folders": [str(tmp_path)]}
-    mixed = Recipe(data=[{"generator": "hci", "share": 0.5}, {"folder": tmp_path, "share": 0.5}])
+    mixed = Recipe.of(
+        {"data": [{"generator": "hci", "share": 0.5}, {"folder": tmp_path, "share": 0.5}]}
+    )
     assert mixed.provenance == rendered.provenance | on_disk.provenance

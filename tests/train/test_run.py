@@ -18,11 +18,11 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from torch import nn
 
 from epinet.errors import InputError
-from epinet.model.checkpoint import load_weights, save_weights
-from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.sweepnet.loss import FAR
+from epinet.networks.weights import load_weights, save_weights
 from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
-from epinet.train.losses import FAR
 from epinet.train.recipe import Recipe
 from epinet.train.recipe_files import load_recipe
 from epinet.train.run import STATISTICS_BATCHES, DivergedError, Run, StoppedError
@@ -551,7 +551,7 @@ def test_weights_of_another_network_are_no_start(tmp_path, run):
     with pytest.raises(InputError, match="weights of 3 views are no start for 9"):
         from_(file, load_recipe("fast-9x9"))
     save_weights(file, Epinet(EpinetConfig(views=3)), {})
-    with pytest.raises(InputError, match=r"plain gray are no start .* --set local_contrast=false"):
+    with pytest.raises(InputError, match=r"see gray are no start .* sees local contrast"):
         from_(file)
     with pytest.raises(InputError, match="elsewhere: no such weights file"):
         from_("elsewhere")

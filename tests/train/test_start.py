@@ -6,11 +6,11 @@ import pytest
 import torch
 
 from epinet.errors import InputError
-from epinet.model.checkpoint import load_weights
-from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet.classes import classes_of
+from epinet.networks.weights import load_weights
 from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
-from epinet.train.classes import classes_of
 from epinet.train.recipe import Recipe
 from epinet.train.recipe_files import changed_recipe, load_recipe
 from epinet.train.run import Run
@@ -39,7 +39,7 @@ def held_out(tmp_path_factory) -> Validation:
 
 
 def begun(folder: Path, held_out: Validation, **changes: object) -> Run:
-    recipe = Recipe.model_validate(TINY.as_dict() | changes)
+    recipe = Recipe.of(TINY.as_dict() | changes)
     return Run(recipe, folder, validation=held_out, say=lambda line: None)
 
 

@@ -8,8 +8,8 @@ import torch
 
 from epinet.errors import InputError
 from epinet.io import read_light_field, write_light_field
-from epinet.model.checkpoint import Weights
-from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.weights import Weights
 from epinet.synth.generator import render_scene
 from epinet.synth.options import Options
 from epinet.train.validation import Validation

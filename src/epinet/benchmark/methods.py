@@ -23,7 +23,8 @@ from epinet.io.names import folder_name
 from epinet.io.problems import Problems, listed
 from epinet.metrics.disparity import BORDER_PX
 from epinet.metrics.metric import Comparison, Metric, Resolution
-from epinet.model.checkpoint import MODELS, shipped_weights
+from epinet.networks.registry import known
+from epinet.networks.weights import shipped_weights
 from epinet.predict.batch import Options, Progress, Reading, predict_all
 from epinet.predict.estimator import Estimator, load_model
 
@@ -41,8 +42,8 @@ class Target:
     @property
     def is_model(self) -> bool:
         """Whether it must be run; otherwise its maps are there."""
-        known = {*MODELS, *shipped_weights()}
-        return self.what in known or self.what.endswith(WEIGHTS_SUFFIX)
+        names = {*known(), *shipped_weights()}
+        return self.what in names or self.what.endswith(WEIGHTS_SUFFIX)
 
     def load(self, device: str | None = None) -> Estimator:
         """The model, ready to predict.
@@ -50,7 +51,7 @@ class Target:
         Raises:
             InputError: it cannot be used.
         """
-        if self.what in MODELS:
+        if self.what in known():
             return load_model(model=self.what, device=device)
         return load_model(self.what, device)
 

@@ -30,7 +30,7 @@ def info(
 ) -> None:
     """Say what a light field is, and measure whether its views stand in the right order."""
     from epinet.inspect.report import inspect, report_lines
-    from epinet.model.checkpoint import load_weights
+    from epinet.networks.weights import load_weights
     from epinet.predict.batch import Reading, find_light_fields
 
     reading = Reading(layout, flip_rows, flip_cols, transpose)

@@ -19,7 +19,7 @@ def _weights(
     context: typer.Context,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line each.")] = False,
 ) -> None:
-    from epinet.model.checkpoint import load_weights, shipped_weights
+    from epinet.networks.weights import load_weights, shipped_weights
 
     if context.invoked_subcommand is not None:
         return
@@ -39,8 +39,8 @@ def _import(
     ],
 ) -> None:
     """Turn Keras weights of the reference implementation into a file for --weights."""
-    from epinet.model.checkpoint import save_weights
-    from epinet.model.keras import read_keras
+    from epinet.networks.epinet.keras import read_keras
+    from epinet.networks.weights import save_weights
 
     weights = read_keras(file)
     save_weights(output, weights.net, weights.metadata, half=False)

@@ -33,6 +33,8 @@ of them belongs to it at least. Real scenes have no such part that nothing expla
 have, beside wide occlusions and in mirrors, but none that larger disparities explain."""
 STEADY_PX = 1.0
 """Neighbours that match in earnest differ by less, root mean square, in working pixels."""
+LEAST_SLACK_PX, SLACK = 0.5, 0.1
+"""A search goes so much, or this share of its range, beyond the disparities that are known."""
 NOTHING_MATCHES = (
     "the views have texture, but nothing matches within the disparities that were searched, as far "
     "as views of this size tell: are the views in order? If disparities are known, give --range"
@@ -141,3 +143,9 @@ def _hits_limit(star: Star, match: Match) -> bool:
 
 def _step_px(star: Star) -> float:
     return min(ROUGH_STEP_PX, max(FINE_STEP_PX, SPACING_PX * star.scale * star.radius))
+
+
+def searched(low_px: float, high_px: float) -> tuple[float, float]:
+    """Where to look for the disparities of a scene that lie between these, px."""
+    slack = max(LEAST_SLACK_PX, SLACK * (high_px - low_px))
+    return low_px - slack, high_px + slack

@@ -43,7 +43,7 @@ from epinet.inspect.disparity_range import LONGER_SIDE_PX
 from epinet.inspect.information import disparity_deviation
 from epinet.inspect.sweep import load_star, match_of_map
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import EVENS_PX, STEEPEST
+from epinet.networks.weights import EVENS_PX, STEEPEST
 from epinet.shifts import sampled
 from epinet.squares import box_mean
 from epinet.synth.faults import ROUNDING

@@ -11,7 +11,7 @@ from epinet.inspect.order import reversed_verdict, sign_votes
 from epinet.inspect.sweep import Star
 from epinet.inspect.views import Look
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import Weights
+from epinet.networks.weights import Weights
 
 LOW_CONFIDENCE = 0.5
 MANY = 0.02

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -15,21 +15,24 @@ from torch.nn import functional as F
 
 from epinet.angular import SYMMETRIES, star_positions
 from epinet.errors import InputError
-from epinet.inspect.disparity_range import LONGER_SIDE_PX, DisparityRange, range_match
+from epinet.inspect.disparity_range import (
+    LONGER_SIDE_PX,
+    DisparityRange,
+    range_match,
+    searched,
+)
 from epinet.inspect.gains import estimate_gains, even
 from epinet.inspect.sweep import star_of_stacks
 from epinet.io.array import check_range
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import DEFAULT_MODEL, Weights, load_weights, shipped_weights
-from epinet.model.contrast import local_contrast
-from epinet.model.epinet import Epinet
-from epinet.model.sweepnet import SweepNet, searched
+from epinet.networks.base import Network
+from epinet.networks.registry import DEFAULT_MODEL, network_type
+from epinet.networks.weights import Weights, load_weights, shipped_weights
 from epinet.predict.doubts import doubts_about_search
 from epinet.predict.judgement import as_read, judge, smoothed
 from epinet.predict.preparation import Prepared, prepare
 from epinet.predict.result import Result
-from epinet.predict.tiling import run_overlapping, run_tiled, tile_side_px
 from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1536.0
@@ -51,6 +54,16 @@ class _Map(NamedTuple):
     """Of the range that was measured for it."""
 
 
+class _Search(NamedTuple):
+    """Where a network that searches is to look for disparities."""
+
+    range_px: tuple[float, float]
+    """In px of the views as they are."""
+    gains: Tensor | None
+    """Of the views' exposure; None where nothing could be matched."""
+    doubts: tuple[str, ...]
+
+
 class Estimator:
     """Networks with their weights on a device; of several, a light field gets the one that fits.
 
@@ -70,7 +83,7 @@ class Estimator:
     """
 
     def __init__(self, *weights: Weights, device: str | None = None) -> None:
-        self.weights = sorted(weights, key=lambda w: w.views[0], reverse=True)
+        self.weights = sorted(weights, key=lambda w: w.net.views[0], reverse=True)
         self.device = choose_device(device)
         for w in weights:
             w.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -179,29 +192,23 @@ class Estimator:
         progress: Progress,
     ) -> _Map:
         net, lf = weights.net, views.seen
-        streams = net.config.streams if isinstance(net, Epinet) else 4
-        if ensemble and streams != 4:
+        if ensemble and net.directions != 4:
             raise InputError("the ensemble turns streams into each other and needs all four")
-        stacks = torch.from_numpy(lf.stacks(lf.grid[0], streams))
-        if isinstance(net, Epinet):
-            seen = shrink(stacks, scale).to(self.device)
-            if weights.sees_local_contrast:
-                seen = local_contrast(seen)
-            begun = time.perf_counter()
-            disparity = _by_epinet(net, seen, ensemble, memory_mb, progress)
-            return _Map(disparity, None, None, begun)
-        star = star_of_stacks(stacks, LONGER_SIDE_PX)
-        match = views.match if views.is_matched else range_match(star.exposed_alike())
+        stacks = torch.from_numpy(lf.stacks(lf.grid[0], net.directions))
+        search = _search(stacks, views, range_px) if net.searches else None
         seen = shrink(stacks, scale).to(self.device)
-        if match is not None:
-            even(seen, estimate_gains(star, match))
-        found = None if match is None else DisparityRange.of(star, match)
-        low, high = range_px or search_range(found)
+        if search is not None and search.gains is not None:
+            even(seen, search.gains)
+        seen = weights.input.of(seen)
+        low, high = weights.disparity_range_px or RANGES_PX["hci"]
+        if search is not None:
+            low, high = search.range_px
         bounds = (low / scale, high / scale)
-        doubts = () if range_px else tuple(doubts_about_search(found, star))
         begun = time.perf_counter()
-        maps = _by_sweepnet(net, seen, bounds, ensemble, memory_mb, progress)
-        return _Map(*maps, bounds, begun, doubts)
+        disparity, error = _run(net, seen, bounds, ensemble, memory_mb, progress)
+        if search is None:
+            return _Map(disparity, error, None, begun)
+        return _Map(disparity, error, bounds, begun, search.doubts)
 
     def _check(
         self,
@@ -230,7 +237,7 @@ class Estimator:
                 )
             elif max(-low, high) > max(lf.size):
                 problems.append(f"{name}: disparities of {low:g},{high:g} px are beyond its views")
-        fewest = min(w.views[-1] for w in self.weights)
+        fewest = min(w.net.views[-1] for w in self.weights)
         if min(lf.grid) < fewest:
             problems.append(
                 f"{name}: has {lf.grid[0]}x{lf.grid[1]} views, the weights "
@@ -242,7 +249,7 @@ class Estimator:
     def _fitting(self, lf: LightField, step: int) -> tuple[Weights, LightField]:
         """The weights of most views that the light field has, and those views."""
         problems = []
-        choices = [(views, weights) for weights in self.weights for views in weights.views]
+        choices = [(views, weights) for weights in self.weights for views in weights.net.views]
         for views, weights in sorted(choices, key=lambda choice: choice[0], reverse=True):
             try:
                 used = lf.central(views, step)
@@ -259,6 +266,17 @@ class Estimator:
         raise InputError(problems)
 
 
+def _search(stacks: Tensor, views: Prepared, range_px: tuple[float, float] | None) -> _Search:
+    """What views (S, N, H, W) show of where to look for disparities, unless a range is given."""
+    star = star_of_stacks(stacks, LONGER_SIDE_PX)
+    match = views.match if views.is_matched else range_match(star.exposed_alike())
+    gains = None if match is None else estimate_gains(star, match)
+    if range_px:
+        return _Search(range_px, gains, ())
+    found = None if match is None else DisparityRange.of(star, match)
+    return _Search(search_range(found), gains, tuple(doubts_about_search(found, star)))
+
+
 def search_range(found: DisparityRange | None) -> tuple[float, float]:
     """Disparities to look for, in px, by those that the views show.
 
@@ -267,44 +285,29 @@ def search_range(found: DisparityRange | None) -> tuple[float, float]:
     return RANGES_PX["hci"] if found is None else searched(found.min_px, found.max_px)
 
 
-def _by_epinet(
-    net: Epinet, stacks: Tensor, ensemble: bool, memory_mb: float, progress: Progress
-) -> Tensor:
-    side = tile_side_px(net, memory_mb)
-
-    def run(seen: Tensor, advance: Progress) -> Tensor:
-        return run_tiled(net, seen, side, advance)
-
-    return _averaged(run, stacks, ensemble, progress)
-
-
-def _by_sweepnet(
-    net: SweepNet,
+def _run(
+    net: Network[Any],
     stacks: Tensor,
     range_px: tuple[float, float],
     ensemble: bool,
     memory_mb: float,
     progress: Progress,
-) -> tuple[Tensor, Tensor]:
-    def run(seen: Tensor, advance: Progress) -> Tensor:
-        return torch.stack(run_overlapping(net, seen, range_px, memory_mb, advance))
-
-    disparity, error = _averaged(run, stacks, ensemble, progress)
-    return disparity, error
-
-
-def _averaged(
-    run: Callable[[Tensor, Progress], Tensor], stacks: Tensor, ensemble: bool, progress: Progress
-) -> Tensor:
-    """Maps (..., H, W) of stacks; for an ensemble, the mean over the 8 symmetries."""
+) -> tuple[Tensor, Tensor | None]:
+    """Map and expected error (H, W) of stacks; for an ensemble, the means over the 8 symmetries."""
     if not ensemble:
-        return run(stacks, progress)
+        return net.predict(stacks, range_px, memory_mb, progress)
 
     def advance(share: float) -> None:
         progress(share / len(SYMMETRIES))
 
-    maps = [s.undo(run(s.apply_to_stacks(stacks), advance)) for s in SYMMETRIES]
-    return torch.stack(maps).mean(0)
+    maps, errors = [], []
+    for symmetry in SYMMETRIES:
+        turned = symmetry.apply_to_stacks(stacks)
+        disparity, error = net.predict(turned, range_px, memory_mb, advance)
+        maps.append(symmetry.undo(disparity))
+        if error is not None:
+            errors.append(symmetry.undo(error))
+    return torch.stack(maps).mean(0), torch.stack(errors).mean(0) if errors else None
 
 
 def shrink(stacks: Tensor, scale: int) -> Tensor:
@@ -352,14 +355,20 @@ def load_model(
         weights: a .safetensors file of epinet, or the name of shipped weights. None takes, for
             each light field, the model's shipped weights of most views that it has.
         device: e.g. "cpu" or "cuda:1"; None takes a GPU where there is one.
-        model: "sweepnet" (the default) or "epinet"; weights that are named need none.
+        model: "sweepnet" (the default), "epinet" or one of your own, "my_package.my_module:MyNet",
+            whose code is run; weights of the first two need none.
 
     Raises:
         InputError: the weights cannot be used, are of another model, or there is no such device.
     """
-    names = list(shipped_weights(model or DEFAULT_MODEL)) if weights is None else [weights]
+    kind = None if model is None else network_type(model)
+    names: list[Path | str] = [weights] if weights is not None else []
+    if weights is None:
+        names += shipped_weights(model or DEFAULT_MODEL)
+        if not names:
+            raise InputError(f"model {model}: no weights come with it; name a file of weights")
     loaded = [load_weights(name) for name in names]
     for w in loaded:
-        if model is not None and w.model != model:
+        if kind is not None and type(w.net) is not kind:
             raise InputError(f"{w.source}: weights of {w.model}, not of {model}")
     return Estimator(*loaded, device=device)

@@ -12,7 +12,7 @@ from epinet.errors import InputError
 from epinet.inspect.spacing import resized
 from epinet.inspect.vignetting import black_corners
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import CALIBRATION, Weights
+from epinet.networks.weights import CALIBRATION, Weights
 from epinet.predict.confidence import (
     AGREEMENT,
     PROBABILITY,

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import torch
 
-from epinet.train.batches import Batch
+from epinet.networks.base import Batch
 
 DEPTH = 2
 """So many batches are made ahead."""

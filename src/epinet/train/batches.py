@@ -13,11 +13,11 @@ from torch.nn import functional as F
 
 from epinet.angular import STREAM_DIRECTIONS_DEG, direction_positions
 from epinet.errors import InputError
+from epinet.inspect.disparity_range import searched
 from epinet.inspect.information import disparity_deviation
 from epinet.io.problems import Problems
-from epinet.model.contrast import WINDOW_PX, contrast_unit, local_contrast
-from epinet.model.epinet import MARGIN_PX
-from epinet.model.sweepnet import searched
+from epinet.networks.base import Batch
+from epinet.networks.inputs import Input
 from epinet.synth.faults import ROUNDING
 from epinet.synth.generator import generator
 from epinet.train.augment import Augmentation, GrayWeights, Scale
@@ -38,26 +38,8 @@ exposure."""
 FEWER = (2, 4)
 """Batches that show fewer views show every so many-th on each side of the centre view."""
 
-CONTRAST_MARGIN_PX = WINDOW_PX // 2
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Network input and its truth."""
-
-    stacks: Tensor
-    """(B, S, N, P + 22, P + 22) gray views, or their local contrast."""
-    disparity: Tensor
-    """(B, 1, P, P) px per adjacent view of the stacks; 0 where unknown."""
-    weight: Tensor
-    """(B, 1, P, P): 1 where the truth can be told from the views, less where there is little
-    texture to match for the noise, on mirrors as the recipe says, and 0 where the truth is
-    unknown."""
-    every: int
-    """The stacks hold every so many-th view on each side of the centre view."""
-    range_px: tuple[float, float]
-    """Where SweepNet looks for the disparities of the stacks: as far beyond them as when it
-    predicts, whose ranges differ, too."""
+AROUND_PX = 11
+"""The paper judges the texture of a pixel by those so far around."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +48,14 @@ class Cut:
 
     views: int
     """Of the network, per direction."""
-    streams: int
+    directions: int
+    net_margin_px: int
+    """Views extend so far beyond the map of a patch on each side."""
     batch: int
     patch_px: int
-    """Side of the map that a patch gives; its views are 22 px larger."""
-    local_contrast: bool
-    """Whether the network sees local contrast; otherwise plain gray."""
+    """Side of the map that a patch gives."""
+    input: Input
+    """What the network sees of the views."""
     texture_threshold: float
     """Of the paper's textureless rejection, in gray levels of 0..1; see `textured`."""
     least_weight: float | None
@@ -89,12 +73,15 @@ class Cut:
     @classmethod
     def of(cls, recipe: Recipe) -> Cut:
         """What a shard of a recipe's batches is made of."""
+        with torch.device("meta"):  # takes no memory
+            net = recipe.network()
         return cls(
             views=recipe.views,
-            streams=recipe.streams,
+            directions=net.directions,
+            net_margin_px=net.margin_px,
             batch=recipe.batch // recipe.shards,
             patch_px=recipe.patch_px,
-            local_contrast=recipe.local_contrast,
+            input=recipe.input,
             texture_threshold=recipe.texture_threshold,
             least_weight=recipe.least_weight,
             told_px=recipe.told_px,
@@ -105,13 +92,13 @@ class Cut:
     @property
     def enlarged(self) -> Cut:
         """A quarter as many patches whose views are twice as wide and high."""
-        patch_px = 2 * self.patch_px + 2 * MARGIN_PX
+        patch_px = 2 * self.patch_px + 2 * self.net_margin_px
         return replace(self, batch=self.batch // 4, patch_px=patch_px)
 
     @property
     def seen_px(self) -> int:
         """Side of the views that the network sees."""
-        return self.patch_px + 2 * MARGIN_PX
+        return self.patch_px + 2 * self.net_margin_px
 
     @property
     def side_px(self) -> int:
@@ -120,12 +107,14 @@ class Cut:
 
     @property
     def margin_px(self) -> int:
-        return CONTRAST_MARGIN_PX if self.local_contrast else 0
+        """What patches have beyond what the network sees, on each side."""
+        return self.input.margin_px
 
     @property
     def inner(self) -> slice:
         """Where the map lies in a patch as it is cut, in each direction."""
-        return slice(self.margin_px + MARGIN_PX, self.margin_px + MARGIN_PX + self.patch_px)
+        first = self.margin_px + self.net_margin_px
+        return slice(first, first + self.patch_px)
 
     @property
     def offsets(self) -> list[Offset]:
@@ -133,7 +122,7 @@ class Cut:
         half = self.views // 2
         return [
             (row - half, col - half)
-            for d in STREAM_DIRECTIONS_DEG[self.streams]
+            for d in STREAM_DIRECTIONS_DEG[self.directions]
             for row, col in direction_positions(d, self.views)
         ]
 
@@ -162,7 +151,7 @@ class Batches:
         self._photometric = [a for a in augmentations if a.photometric and a is not self._gray]
         self._star = sorted(set(cut.offsets))
         order = [self._star.index(offset) for offset in cut.offsets]
-        self._stacks = torch.tensor(order).view(cut.streams, cut.views)
+        self._stacks = torch.tensor(order).view(cut.directions, cut.views)
 
     def __call__(self, step: int) -> Batch:
         g = generator(self.seed, 3, self.shard, step)
@@ -172,10 +161,10 @@ class Batches:
         margin, inner = self.cut.margin_px, self.cut.inner
         weight = self._weight(patches, any_accepted)
         views = patches.views[:, :, 0]
-        if self.cut.local_contrast:
+        if margin:
             at_once = len(views) if views.is_cuda else 1  # so that a core's cache holds them
             seen = [
-                local_contrast(v)[..., margin:-margin, margin:-margin]
+                self.cut.input.of(v)[..., margin:-margin, margin:-margin]
                 for v in torch.split(views, at_once)
             ]
             views = torch.cat(seen)
@@ -243,8 +232,8 @@ class Batches:
         seen = frames.window(self.cut.margin_px, self.cut.seen_px)
         centre = self._in_gray(self.source.cut(step, seen, [(0, 0)]), mixture)
         usable = centre.usable.flatten(1).all(1)
-        middle = self.cut.patch_px // 2
-        around = slice(middle, middle + 2 * MARGIN_PX + 1)
+        middle = self.cut.net_margin_px + self.cut.patch_px // 2
+        around = slice(middle - AROUND_PX, middle + AROUND_PX + 1)
         views = centre.centre_view[..., around, around]
         texture = textured(views, self.cut.texture_threshold).flatten() > 0
         return (texture & usable).cpu()
@@ -269,9 +258,8 @@ class Batches:
             return torch.full_like(usable, any_accepted, dtype=torch.float)
         centre, noise = patches.centre_view, _noise(patches)
         other = torch.full_like(noise, UNTOLD)
-        if cut.local_contrast:
-            unit = contrast_unit(centre)
-            centre, noise, other = local_contrast(centre), noise / unit, other / unit
+        unit = cut.input.unit(centre)
+        centre, noise, other = cut.input.of(centre), noise / unit, other / unit
         deviation = disparity_deviation(centre, noise, cut.offsets, other)[..., inner, inner]
         told = 1 / (1 + (deviation / cut.told_px) ** 2)
         return torch.where(usable, told.clamp_min(cut.least_weight), cut.mirror_weight)
@@ -304,8 +292,8 @@ def textured(centre: Tensor, threshold: float) -> Tensor:
     Returns:
         (B, 1, H - 22, W - 22), 1 or 0.
     """
-    inner = centre[..., MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX]
-    side = 2 * MARGIN_PX + 1
+    inner = centre[..., AROUND_PX:-AROUND_PX, AROUND_PX:-AROUND_PX]
+    side = 2 * AROUND_PX + 1
     surroundings = F.unfold(centre, side).view(len(centre), side**2, *inner.shape[-2:])
     difference = (surroundings - inner).abs().mean(1, keepdim=True)
     return (difference >= threshold).float()

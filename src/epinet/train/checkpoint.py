@@ -116,12 +116,13 @@ def _check_tensors(value: Any, path: Path) -> None:
 
 
 def _check_same(path: Path, state: State, recipe: Recipe, validated_on: str) -> None:
-    theirs = Recipe().as_dict() | state["recipe"]  # what is younger than the file has its default
     ours = recipe.as_dict()
+    theirs = state["recipe"]
+    defaults = Recipe.of({"model": recipe.model}).as_dict()  # of values younger than the file
     differences = [
-        f"{key} is {theirs.get(key)} there, {ours.get(key)} here"
-        for key in sorted((theirs.keys() | ours.keys()) - {"steps"})
-        if theirs.get(key) != ours.get(key)
+        f"{key} is {theirs.get(key, defaults[key])} there, {ours[key]} here"
+        for key in sorted(ours.keys() - {"steps"})
+        if theirs.get(key, defaults[key]) != ours[key]
     ]
     if differences:
         raise InputError(

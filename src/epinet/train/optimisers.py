@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, cast
+from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.optim import AdamW, Optimizer, RMSprop
 
-from epinet.model.epinet import ViewConv
+from epinet.networks.base import Network
 from epinet.train.parallel import ALONE, Team
 from epinet.train.precision import computes_bf16
 from epinet.train.recipe import Recipe
@@ -97,7 +97,7 @@ class Optimisers:
 
     ADAM_RATE = 0.3
 
-    def __init__(self, net: nn.Module, recipe: Recipe, team: Team = ALONE) -> None:
+    def __init__(self, net: Network[Any], recipe: Recipe, team: Team = ALONE) -> None:
         rate, decay = recipe.learning_rate, recipe.weight_decay
         parameters = list(net.parameters())
         self.parts: list[tuple[Optimizer, float]]
@@ -107,7 +107,7 @@ class Optimisers:
         elif recipe.optimiser == "adamw":
             self.parts = [(AdamW(parameters, lr=rate, weight_decay=decay), 1.0)]
         else:
-            hidden = hidden_weights(net)
+            hidden = net.hidden_weights()
             ours = {id(p) for p in hidden}
             rest = [p for p in parameters if id(p) not in ours]
             self.parts = [
@@ -128,14 +128,3 @@ class Optimisers:
     def load(self, states: list[dict[str, Any]]) -> None:
         for (optimiser, _), state in zip(self.parts, states, strict=True):
             optimiser.load_state_dict(state)
-
-
-def hidden_weights(net: nn.Module) -> list[nn.Parameter]:
-    """Weights of all convolutions but EPINET's first and those that narrow down to an output."""
-    convolutions = [m for m in net.modules() if isinstance(m, nn.Conv2d)]
-    hidden = [
-        c
-        for c in convolutions
-        if not isinstance(c, ViewConv) and 2 * c.out_channels >= c.in_channels
-    ]
-    return [cast(nn.Parameter, c.weight) for c in hidden]

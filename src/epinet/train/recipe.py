@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import torch
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    create_model,
+    model_validator,
+)
 
 from epinet.documents import problems_of
 from epinet.errors import InputError
-from epinet.model.checkpoint import EPINET, MODELS, SWEEPNET, Network
-from epinet.model.epinet import STREAM_COUNTS, VIEW_COUNTS, Epinet, EpinetConfig
-from epinet.model.sweepnet import SweepNet, SweepNetConfig
+from epinet.networks.base import Network, Settings
+from epinet.networks.registry import OURS, network_type
 from epinet.synth.generator import VERSION
 from epinet.synth.options import RANGES_PX, Faults, Options
 from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, SignReversal, ViewShift
@@ -22,11 +29,9 @@ from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, SignReversa
 RESERVED = frozenset({"size", "views", "disparity_px", "held_out"})
 """Options of rendered scenes that a recipe does not choose as such."""
 
-Part = Literal["sweep", "fill", "refine"]
-"""Of SweepNet."""
 
-GLOROT, DIFFERENCES, OWN = "glorot", "differences", "own"
-"""Ways to start from scratch."""
+PAPER = "epinet"
+"""The network that recipes are for which name none."""
 
 
 class _Model(BaseModel):
@@ -86,36 +91,18 @@ class Data(_Model):
         return self.disparity_px if self.generator is None else RANGES_PX[self.generator]
 
 
-class Recipe(_Model):
-    """All that decides what a run learns. Defaults are the paper's where it states them."""
+class Recipe(Settings):
+    """All that decides what a run learns, whatever the network; `Recipe.of` gives one with the
+    network's own values. Defaults are the paper's where it states them."""
 
     name: str = "unnamed"
     about: str = ""
 
     # The network.
-    model: str = EPINET
-    """"epinet", or "sweepnet"."""
-    shape: Mapping[str, Any] = {}
-    """What differs from SweepNet's shape, see `epinet.model.sweepnet.SweepNetConfig`."""
-    views: int = 9
-    streams: int = 4
-    width: Annotated[int, Field(ge=1, le=512)] = 70
-    """Channels of each of EPINET's streams where there are four, as published; fewer are as much
-    wider as gives equal parameters. What a narrow network learned can start a wide one."""
-    local_contrast: bool = False
-    """The network sees each view with its local mean and contrast normalised, not plain gray."""
-    start: str = GLOROT
-    """Starting weights: "glorot", Keras' default; "differences", He's on differences to the centre
-    view; "own", SweepNet's; or trained ones: a file, or the name of shipped ones."""
-
-    identity: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    """Share of the identity in the hidden layers that EPINET starts from scratch with."""
-
-    frozen: tuple[Part, ...] = ()
-    """Parts of SweepNet that keep the weights it starts from."""
-
-    norms: bool = False
-    """Batch normalisation behind every hidden convolution; it folds into the weights kept."""
+    model: str = PAPER
+    """Its name, or "my_package.my_module:MyNet"."""
+    frozen: tuple[str, ...] = ()
+    """Parts of the network that keep the weights they start from."""
     fixed_norms_from: Annotated[float, Field(ge=0, lt=1)] | None = None
     """From this share of the steps on, batch normalisation keeps its statistics. None: never."""
 
@@ -137,13 +124,12 @@ class Recipe(_Model):
     """They count half where the views tell it to within this standard deviation, by 25x25 px."""
     mirror_weight: Annotated[float, Field(ge=0, le=1)] = 0.0
     """What pixels count that mirror, where all scenes are rendered."""
-    patch_px: Annotated[int, Field(ge=1)] = 1
-    """Side of the map a patch gives; its views are 22 px larger."""
     batch: Annotated[int, Field(ge=1)] = 16
     large_patches: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Share of the batches whose views are twice as wide and high, and a quarter as many."""
     fewer_views: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Share of the batches that show SweepNet every second or fourth view only."""
+    """Share of the batches that show every second or fourth view only, to a network that takes
+    several counts of views."""
     narrow: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Rendered scenes begin with this share of their range of disparities ..."""
     widening: Annotated[float, Field(ge=0, le=1)] = 0.0
@@ -153,11 +139,6 @@ class Recipe(_Model):
     steps: Annotated[int, Field(ge=1)] = 10_000_000
     """A run at a constant rate may be made longer by another value: see `paced_by_steps`."""
     optimiser: Literal["rmsprop", "adamw", "muon"] = "rmsprop"
-    loss_scale_px: Annotated[float, Field(gt=0)] | None = None
-    """The loss of an error e is s log(1 + |e| / s), which hardly sees errors far above s.
-    None: |e|, the paper's mean absolute error."""
-    class_weight: Annotated[float, Field(ge=0)] = 0.0
-    """Weight of a classification of the disparity from EPINET's features, while training only."""
     learning_rate: Annotated[float, Field(gt=0)] = 1e-5
     final_learning_rate: Annotated[float, Field(ge=0)] = 1e-6
     decay: Literal["constant", "exponential", "cosine"] = "exponential"
@@ -170,32 +151,39 @@ class Recipe(_Model):
     """Decay of the running average of the weights that is validated and kept; 0: the last."""
     start_share: Annotated[float, Field(ge=0, lt=1)] = 0.0
     """How much of the weights that it starts from is mixed into those that are validated and kept
-    (Wortsman et al., CVPR 2022); SweepNet only."""
+    (Wortsman et al., CVPR 2022)."""
     bf16: bool = False
     """Autocast to bfloat16, on devices that compute in it; others train in float32."""
     shards: Annotated[int, Field(ge=1)] = 1
     """Parts of a batch that are normalised by themselves; up to so many processes share a run."""
-    seed: Annotated[int, Field(ge=0)] = 1
     validate_every: Annotated[int, Field(ge=1)] = 1000
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Recipe:
+        """A recipe for the network that it names.
+
+        Args:
+            values: by name; what is left out has its default. Values that only another network of
+                this package has are passed over where they are that one's defaults: recipes used
+                to hold those of all networks.
+
+        Raises:
+            InputError: there is no such network.
+            ValidationError: values that are unknown or impossible.
+        """
+        model = values.get("model", PAPER)
+        own = recipe_type(model if isinstance(model, str) else PAPER)
+        others = {
+            name: field.default
+            for ours in OURS
+            for name, field in recipe_type(ours).model_fields.items()
+            if name not in own.model_fields
+        }
+        kept = {k: v for k, v in values.items() if k not in others or v != others[k]}
+        return own.model_validate(kept)
 
     @model_validator(mode="after")
     def _possible(self) -> Recipe:
-        if self.model not in MODELS:
-            raise ValueError(f"model: there are {', '.join(MODELS)}, not {self.model}")
-        if self.model == SWEEPNET:
-            self._possible_for_sweepnet()
-        elif self.shape:
-            raise ValueError("shape: is SweepNet's; EPINET's follows from views and streams")
-        elif self.fewer_views:
-            raise ValueError("fewer_views: EPINET sees a fixed number of views")
-        elif self.start == OWN:
-            raise ValueError(f"start: EPINET starts from {GLOROT}, {DIFFERENCES} or weights")
-        if self.identity and not self.from_scratch:
-            raise ValueError("identity: takes a start from scratch, not from weights")
-        if self.views not in VIEW_COUNTS:
-            raise ValueError(f"views must be one of {VIEW_COUNTS}, not {self.views}")
-        if self.streams not in STREAM_COUNTS:
-            raise ValueError(f"streams must be one of {STREAM_COUNTS}, not {self.streams}")
         if not self.data:
             raise ValueError("data: at least one source is needed")
         unknown = sorted(set(self.augmentations) - set(AUGMENTATIONS))
@@ -203,12 +191,6 @@ class Recipe(_Model):
             raise ValueError(
                 f"augmentations: {', '.join(unknown)} unknown; there are {', '.join(AUGMENTATIONS)}"
             )
-        if self.start_share and (self.model != SWEEPNET or self.from_scratch):
-            raise ValueError("start_share: takes a SweepNet that starts from weights")
-        if set(self.frozen) == set(get_args(Part)):
-            raise ValueError("frozen: nothing is left to learn")
-        if self.frozen and (self.model != SWEEPNET or self.from_scratch):
-            raise ValueError("frozen: takes a SweepNet that starts from weights")
         if self.mirror_weight and (self.least_weight is None or self.folders):
             raise ValueError("mirror_weight: takes a least_weight and rendered scenes alone")
         if not any(self.scale_weights):
@@ -224,47 +206,50 @@ class Recipe(_Model):
             raise ValueError("final_learning_rate is greater than learning_rate")
         if self.decay == "exponential" and self.final_learning_rate == 0:
             raise ValueError("an exponential decay never reaches a final_learning_rate of 0")
+        self._possible_for_network()
         return self
 
-    def _possible_for_sweepnet(self) -> None:
-        wrong = {
-            "streams": self.streams != 4,
-            "local_contrast": self.local_contrast,
-            "norms": self.norms,
-            "width": self.width != type(self).model_fields["width"].default,
-            "identity": self.identity > 0,
-            "class_weight": self.class_weight > 0,
-            "start": self.start in (GLOROT, DIFFERENCES),
-            "patch_px": self.patch_px % 2 == 1,
-        }
-        if any(wrong.values()):
-            names = ", ".join(name for name, is_wrong in wrong.items() if is_wrong)
-            raise ValueError(
-                f"{names}: SweepNet takes 4 streams of plain gray views in patches of even size, "
-                f"has no norms, no width and no classes of EPINET's, and starts from {OWN} or "
-                "weights"
-            )
+    def _possible_for_network(self) -> None:
+        if self.start_share and self.from_scratch:
+            raise ValueError("start_share: takes a start from weights")
+        if self.frozen and self.from_scratch:
+            raise ValueError("frozen: takes a start from weights")
+        starts = [s for ours in OURS for s in network_type(ours).Settings.starts]
+        if self.start in starts and not self.from_scratch:
+            raise ValueError(f"start: {self.model} starts from {', '.join(self.starts)} or weights")
+        if type(self) is Recipe:  # without a network's own values none can be made
+            return
         try:
             with torch.device("meta"):  # no memory, and no random numbers
-                self.network()
+                net = self.network()
         except ValidationError as error:
             raise ValueError("; ".join(problems_of(error, "shape"))) from error
+        if self.views not in net.views:
+            raise ValueError(f"views: {self.model} takes {net.views}, not {self.views}")
+        if self.fewer_views and len(net.views) == 1:
+            raise ValueError(f"fewer_views: {self.model} sees a fixed number of views")
+        parts = [name for name, _ in net.named_children()]
+        if unknown := sorted(set(self.frozen) - set(parts)):
+            raise ValueError(
+                f"frozen: {', '.join(unknown)} unknown; {self.model} has {', '.join(parts)}"
+            )
+        if set(self.frozen) == set(parts):
+            raise ValueError("frozen: nothing is left to learn")
 
-    def network(self) -> Network:
+    @property
+    def kind(self) -> type[Network[Any]]:
+        """The class of the network."""
+        return network_type(self.model)
+
+    def network(self) -> Network[Any]:
         """The network to train, untrained."""
-        if self.model == SWEEPNET:
-            return SweepNet(SweepNetConfig(**self.shape))
-        return Epinet(EpinetConfig.of_equal_size(self.streams, self.views, self.width))
+        return self.kind.of(self)
 
     def chosen_augmentations(self) -> tuple[Augmentation, ...]:
         """The augmentations in the order in which they are applied."""
         scale = Scale(self.scale_weights)
         chosen = [a for name, a in AUGMENTATIONS.items() if name in self.augmentations]
         return tuple(scale if a.name == Scale.name else a for a in chosen)
-
-    @property
-    def from_scratch(self) -> bool:
-        return self.start in (GLOROT, DIFFERENCES, OWN)
 
     @property
     def shifted(self) -> bool:
@@ -335,7 +320,20 @@ class Recipe(_Model):
     @property
     def limits_px(self) -> tuple[float, float] | None:
         """Disparities beyond which the network knows nothing, as far as that is known."""
-        return None if self.model == SWEEPNET else self.disparity_range_px
+        return None if self.kind.searches else self.disparity_range_px
 
     def as_dict(self) -> dict[str, Any]:
         return self.model_dump(mode="json")
+
+
+@cache
+def recipe_type(model: str) -> type[Recipe]:
+    """Recipes for one network: their values are those of all recipes and the network's own.
+
+    Raises:
+        InputError: there is no network of that name.
+    """
+    own = network_type(model).Settings
+    bases: Any = (Recipe,) if own is Settings else (own, Recipe)
+    made: type[Recipe] = create_model(f"{own.__name__}Recipe", __base__=bases)
+    return made

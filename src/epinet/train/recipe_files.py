@@ -16,7 +16,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from epinet.documents import YAML_BYTES, parse_yaml, short, validated
+from pydantic import ValidationError
+
+from epinet.documents import YAML_BYTES, parse_yaml, problems_of, short
 from epinet.errors import InputError
 from epinet.io.problems import parsing
 from epinet.reading import read_bytes
@@ -41,7 +43,10 @@ def load_recipe(name: str, changes: Mapping[str, Any] | None = None) -> Recipe:
         InputError: no such recipe, or every value that is unknown or impossible.
     """
     values = {"name": Path(name).stem} | _values(name, ()) | dict(changes or {})
-    return validated(Recipe, values, f"recipe {name}")
+    try:
+        return Recipe.of(values)
+    except ValidationError as error:
+        raise InputError(problems_of(error, f"recipe {name}")) from error
 
 
 def parse_changes(texts: Sequence[str]) -> dict[str, Any]:

@@ -31,29 +31,20 @@ from torch.optim.swa_utils import AveragedModel
 from epinet import terminal
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, check_writable, remove_leftovers
-from epinet.model.checkpoint import (
-    CALIBRATION,
-    LOCAL_CONTRAST,
-    Network,
-    Weights,
-    save_weights,
-)
-from epinet.model.epinet import Epinet
-from epinet.model.normed import norms_of, take_statistics, without_norms
-from epinet.model.sweepnet import SweepNet
+from epinet.networks.base import Batch, Network
+from epinet.networks.weights import CALIBRATION, Weights, save_weights
 from epinet.synth.options import RANGES_PX
 from epinet.train.ahead import made_ahead, pays
-from epinet.train.batches import Batch, batches_of
+from epinet.train.batches import batches_of
 from epinet.train.checkpoint import State, continuing, write_checkpoint
-from epinet.train.classes import remove_classes
 from epinet.train.interruption import interruption
 from epinet.train.log import Log
-from epinet.train.losses import batch_loss
+from epinet.train.norms import norms_of, take_statistics
 from epinet.train.optimisers import Optimisers
 from epinet.train.parallel import ALONE, Team
 from epinet.train.precision import computes_bf16
 from epinet.train.recipe import Recipe
-from epinet.train.start import attach, begin, mixed_with_start
+from epinet.train.start import begin, mixed_with_start
 from epinet.train.validation import (
     RENDERED,
     Validation,
@@ -137,7 +128,7 @@ class Run:
         if not resumed:
             self.started_from = begin(self.net, recipe, self.batches[0])
         else:
-            attach(self.net, recipe)
+            self.net.attach(recipe)
         for part in recipe.frozen:
             self.net.get_submodule(part).requires_grad_(False)
         self.net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -159,7 +150,7 @@ class Run:
         self._check_all_stand_at_this_step()
         if recipe.bf16 and not self.bf16:
             say(f"computing in float32: this {self.device.type} has no bfloat16 of its own")
-        self._recent: dict[int, Tensor] = {}
+        self._recent: dict[int, Batch] = {}
 
     @property
     def _checkpoint(self) -> Path:
@@ -224,7 +215,7 @@ class Run:
             "data": self.recipe.provenance,
             "validated_on": self._validated_on,
             "disparity_range_px": self.recipe.limits_px,
-            "input": LOCAL_CONTRAST if self.recipe.local_contrast else "gray",
+            "input": self.recipe.input.name,
             "started_from": self.started_from,
             "steps": self.step,
             "minutes": round(self.seconds / 60, 1),
@@ -356,15 +347,16 @@ class Run:
 
     def _keep(self, batch: Batch) -> None:
         """For `_take_statistics`, where these weights will need it."""
-        if not isinstance(self.net, Epinet) or self._norms_fixed:
+        if self._norms_fixed or not norms_of(self.net):
             return
-        self._recent[self.step] = batch.stacks
+        self._recent[self.step] = batch
         self._recent.pop(self.step - STATISTICS_BATCHES, None)
 
     def _loss(self, batch: Batch) -> Tensor:
         """Mean loss over the pixels of a shard, by their weights."""
         with self._autocast():
-            return batch_loss(self.net, batch, self.recipe)
+            loss: Tensor = self.net.loss(batch, self.recipe)
+            return loss
 
     def _autocast(self) -> torch.autocast:
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self.bf16)
@@ -396,7 +388,7 @@ class Run:
         log.write(self.step, entry)
         log.show(self.step, pictures)
         metadata = self.metadata()
-        if isinstance(weights.net, SweepNet):
+        if all(result.expected_error is not None for result in results.values()):
             metadata[CALIBRATION] = asdict(fitted_calibration(results))
         save_weights(self.folder / "weights.safetensors", weights.net, metadata)
         if scores[BEST] < self.best:
@@ -424,25 +416,24 @@ class Run:
         As long as batch normalisation learns, with statistics of their own over the last batches.
         """
         kept = self.averaged.module if self.averaged else self.net
-        net: Network = copy.deepcopy(cast(Network, kept))
-        if isinstance(net, Epinet):
-            if not self._norms_fixed:
-                self._take_statistics(net)
-            for norm in norms_of(net):
-                norm.num_batches_tracked = torch.tensor(self.step)  # whatever the number of shards
-            net = without_norms(net)
-            remove_classes(net)
-        elif self.recipe.start_share:
+        net: Network[Any] = copy.deepcopy(cast(Network[Any], kept))
+        if not self._norms_fixed and norms_of(net):
+            self._take_statistics(net)
+        for norm in norms_of(net):
+            norm.num_batches_tracked = torch.tensor(self.step)  # whatever the number of shards
+        net = net.folded()
+        if self.recipe.start_share:
             mixed_with_start(net, self.recipe)
         return Weights(net.eval(), self.metadata(), str(self.folder))
 
-    def _take_statistics(self, net: Epinet) -> None:
+    def _take_statistics(self, net: Network[Any]) -> None:
         steps = range(max(0, self.step - STATISTICS_BATCHES), self.step)
         for step in steps:
             if step not in self._recent:  # of the time before an interruption
-                self._recent[step] = self.batches[0](step).stacks
+                self._recent[step] = self.batches[0](step)
         with self._autocast():
-            take_statistics(net, (self._recent[step] for step in steps))
+            batches = (self._recent[step] for step in steps)
+            take_statistics(net, lambda batch: net.loss(batch, self.recipe), batches)
 
     def _say_progress(self, steps_per_s: float) -> None:
         left = timedelta(seconds=round((self.recipe.steps - self.step) / steps_per_s))

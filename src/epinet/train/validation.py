@@ -17,7 +17,7 @@ from epinet.io.names import folder_name
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
 from epinet.metrics.disparity import BORDER_PX
-from epinet.model.checkpoint import Weights
+from epinet.networks.weights import Weights
 from epinet.predict.confidence import Calibration
 from epinet.predict.estimator import Estimator
 from epinet.predict.pictures import save_preview

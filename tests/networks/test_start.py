@@ -4,9 +4,10 @@ import pytest
 import torch
 from torch import nn
 
-from epinet.model.epinet import MARGIN_PX, Epinet, EpinetConfig
-from epinet.model.initialise import OPEN, pass_on, start_on_differences, widened
-from epinet.model.normed import add_norms, without_norms
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet.layers import MARGIN_PX
+from epinet.networks.epinet.normed import add_norms, without_norms
+from epinet.networks.epinet.start import OPEN, pass_on, start_on_differences, widened
 
 CONFIG = EpinetConfig(views=3, stream_width=4)
 

@@ -1,4 +1,4 @@
-"""What training minimises, for each network."""
+"""What training of SweepNet minimises."""
 
 from __future__ import annotations
 
@@ -8,37 +8,15 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from epinet.model.checkpoint import Network
-from epinet.model.epinet import MARGIN_PX, Epinet
-from epinet.model.sweepnet import Estimates
-from epinet.train.batches import Batch
-from epinet.train.classes import classes_of
-from epinet.train.recipe import Recipe
+from epinet.networks.robust import robust, weighted_mean
+from epinet.networks.sweepnet.estimates import Estimates
 
 CLASSES, ERROR = 0.2, 0.02
 """Weights of the sweep's classification and of the expected error, beside the maps' errors."""
 EARLIER = 0.5
 """Weight of each map before the last."""
-FAR = 0.1
-"""Share of the plain absolute error in the robust one, so that gross errors count."""
-
-
-def batch_loss(net: Network, batch: Batch, recipe: Recipe) -> Tensor:
-    """Mean loss over the pixels of a batch, by their weights."""
-    if isinstance(net, Epinet):
-        streams, hidden = net.features(batch.stacks)
-        error = (net.disparity(hidden) - batch.disparity).abs()
-        loss = _mean(_robust(error, recipe.loss_scale_px), batch.weight)
-        if recipe.class_weight:
-            unlikely = classes_of(net).cross_entropy(streams, hidden, batch.disparity)
-            loss = loss + recipe.class_weight * _mean(unlikely, batch.weight)
-        return loss
-    return sweepnet_loss(
-        net(batch.stacks, batch.range_px).scaled(1 / batch.every),
-        batch.disparity / batch.every,
-        batch.weight,
-        recipe.loss_scale_px,
-    )
+MARGIN_PX = 11
+"""Views extend so far beyond their truth on each side."""
 
 
 def sweepnet_loss(
@@ -52,18 +30,18 @@ def sweepnet_loss(
         weight: (B, 1, P, P) of its pixels.
         scale_px: of the robust loss.
     """
-    loss = CLASSES * _class_loss(estimates, disparity, weight)
+    loss = CLASSES * class_loss(estimates, disparity, weight)
     for k, map_ in enumerate(estimates.maps):
         error = (_inner(map_) - disparity).abs()
         share = 1.0 if k == len(estimates.maps) - 1 else EARLIER
-        loss = loss + share * _mean(_robust(error, scale_px), weight)
+        loss = loss + share * weighted_mean(robust(error, scale_px), weight)
     # Laplace's distribution about the last map, which this term leaves alone.
     log_error = _inner(estimates.log_error)
     unlikely = error.detach() * torch.exp(-log_error) + log_error
-    return loss + ERROR * _mean(unlikely, weight)
+    return loss + ERROR * weighted_mean(unlikely, weight)
 
 
-def _class_loss(estimates: Estimates, disparity: Tensor, weight: Tensor) -> Tensor:
+def class_loss(estimates: Estimates, disparity: Tensor, weight: Tensor) -> Tensor:
     """Cross entropy of the hypotheses with those of the pixels that the sweep sees as one."""
     hypotheses = estimates.hypotheses.view(1, -1, 1, 1)
     spacing = estimates.hypotheses[1] - estimates.hypotheses[0]
@@ -78,13 +56,3 @@ def _class_loss(estimates: Estimates, disparity: Tensor, weight: Tensor) -> Tens
 
 def _inner(map_: Tensor) -> Tensor:
     return map_[..., MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX]
-
-
-def _robust(error: Tensor, scale_px: float | None) -> Tensor:
-    if scale_px is None:
-        return error
-    return scale_px * torch.log1p(error / scale_px) + FAR * error
-
-
-def _mean(loss: Tensor, weight: Tensor) -> Tensor:
-    return (loss * weight).sum() / weight.sum().clamp_min(1)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.train.classes import (
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet.classes import (
     CLASSES,
     DEVIATION_PX,
     LIMIT_PX,

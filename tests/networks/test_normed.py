@@ -5,8 +5,8 @@ import copy
 import torch
 from torch import nn
 
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.model.normed import NormedConv, add_norms, calibrate_norms, without_norms
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet.normed import NormedConv, add_norms, calibrate_norms, without_norms
 
 CONFIG = EpinetConfig(views=3, stream_width=4)
 

@@ -9,12 +9,15 @@ weights, and what is left is the published network.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
 
-from epinet.model.epinet import Epinet, batch_norm
+from epinet.networks.epinet.layers import Layers, batch_norm
+
+L = TypeVar("L", bound=Layers)
 
 
 class NormedConv(nn.Module):
@@ -41,7 +44,7 @@ class NormedConv(nn.Module):
         return conv
 
 
-def add_norms(net: Epinet) -> None:
+def add_norms(net: Layers) -> None:
     """Put a normalisation behind every convolution that has none, but the last."""
     for sequence in _unnormed(net):
         conv = sequence[0]
@@ -49,7 +52,7 @@ def add_norms(net: Epinet) -> None:
         sequence[0] = NormedConv(conv)
 
 
-def without_norms(net: Epinet) -> Epinet:
+def without_norms(net: L) -> L:
     """The published network that gives what `net` gives in eval mode; a copy."""
     plain = copy.deepcopy(net)
     for sequence in _unnormed(plain):
@@ -59,7 +62,7 @@ def without_norms(net: Epinet) -> Epinet:
 
 
 @torch.no_grad()
-def calibrate_norms(net: Epinet, stacks: Tensor) -> None:
+def calibrate_norms(net: Layers, stacks: Tensor) -> None:
     """Set the norms so that they change nothing of trained weights.
 
     Args:
@@ -86,28 +89,7 @@ def calibrate_norms(net: Epinet, stacks: Tensor) -> None:
         hook.remove()
 
 
-def norms_of(net: nn.Module) -> list[nn.BatchNorm2d]:
-    """Its normalisations."""
-    return [m for m in net.modules() if isinstance(m, nn.BatchNorm2d)]
-
-
-@torch.no_grad()
-def take_statistics(net: Epinet, stacks: Iterable[Tensor], momentum: float | None = None) -> None:
-    """Give the norms statistics of other batches, and leave the network in training mode.
-
-    Args:
-        stacks: (B, S, N, H, W) each, training input.
-        momentum: of the average over the batches; None takes their plain mean.
-    """
-    for norm in norms_of(net):
-        norm.reset_running_stats()
-        norm.momentum = momentum
-    net.train()
-    for batch in stacks:
-        net(batch)
-
-
-def _unnormed(net: Epinet) -> Iterator[nn.Sequential]:
+def _unnormed(net: Layers) -> Iterator[nn.Sequential]:
     """The sequences that begin with a convolution without a norm behind it."""
     for part in (*net.streams, net.merge):
         assert isinstance(part, nn.Sequential)

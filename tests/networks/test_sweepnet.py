@@ -8,7 +8,9 @@ import torch
 from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
-from epinet.model.matching import (
+from epinet.networks.base import config_as_dict
+from epinet.networks.sweepnet import SweepNet, SweepNetConfig
+from epinet.networks.sweepnet.matching import (
     ARMS,
     OUTERMOST,
     PARTS,
@@ -18,7 +20,6 @@ from epinet.model.matching import (
     gathered,
     summed,
 )
-from epinet.model.sweepnet import SweepNet, SweepNetConfig
 from epinet.shifts import sampled
 
 SIDE_PX = 48
@@ -329,4 +330,4 @@ def test_a_configuration_survives_json():
     import json
 
     config = SweepNetConfig(half=replace(SweepNetConfig().half, spread_px=0.3))
-    assert SweepNetConfig(**json.loads(json.dumps(config.as_dict()))) == config
+    assert SweepNetConfig(**json.loads(json.dumps(config_as_dict(SweepNet(config))))) == config

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from epinet.model.contrast import DEVIATION, FLOOR, MEAN, WINDOW_PX, local_contrast
+from epinet.networks.contrast import DEVIATION, FLOOR, MEAN, WINDOW_PX, local_contrast
 
 
 def test_equals_its_definition_in_plain_loops():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.model.initialise import start_as_keras, start_on_differences, with_fewer_views
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet.start import start_as_keras, start_on_differences, with_fewer_views
 
 
 def trainable(net: torch.nn.Module) -> int:

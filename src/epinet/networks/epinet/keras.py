@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from epinet.errors import InputError
 from epinet.io.hdf5 import array_of, member, open_hdf5
-from epinet.model.checkpoint import Weights, check_tensors
-from epinet.model.epinet import Epinet, EpinetConfig
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.weights import Weights, check_tensors
 from epinet.reading import check_decoded
 
 _WEIGHT = re.compile(

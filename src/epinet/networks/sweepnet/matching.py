@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from epinet.angular import DIRECTIONS_DEG, direction_positions
-from epinet.model.contrast import local_statistics
+from epinet.networks.contrast import local_statistics
 from epinet.shifts import Margined, gradients_of, sampled
 from epinet.squares import box_mean, extremes
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from epinet.model.channels_last import channels_first, pointwise, to_one
+from epinet.networks.channels_last import channels_first, pointwise, to_one
 
 
 @pytest.fixture(params=[torch.contiguous_format, torch.channels_last])

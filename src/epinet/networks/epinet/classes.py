@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from epinet.model.epinet import Epinet
+from epinet.networks.epinet.layers import Layers
 
 LIMIT_PX, CLASSES = 4.5, 65
 """Classes are spaced evenly from -LIMIT_PX to LIMIT_PX; disparities beyond belong to the last."""
@@ -41,7 +41,7 @@ class Classes(nn.Module):
         self.register_buffer("centres", centres, persistent=False)
 
     def cross_entropy(self, streams: list[Tensor], hidden: Tensor, disparity: Tensor) -> Tensor:
-        """(B, 1, P, P) of the features of `Epinet.features` with the disparities (B, 1, P, P)."""
+        """(B, 1, P, P) of the features of `Layers.features` with the disparities (B, 1, P, P)."""
         wanted = self.wanted(disparity)
         cut = slice(STREAM_CUT_PX, -STREAM_CUT_PX)
         loss = _cross_entropy(self.last(hidden), wanted)
@@ -57,19 +57,19 @@ class Classes(nn.Module):
         return (-0.5 * distance**2).softmax(1)
 
 
-def add_classes(net: Epinet) -> None:
+def add_classes(net: Layers) -> None:
     """Let classifiers look on."""
     net.add_module(NAME, Classes(net.config.streams, net.config.stream_width))
 
 
-def classes_of(net: Epinet) -> Classes:
+def classes_of(net: Layers) -> Classes:
     """The classifiers that `add_classes` gave it."""
     classes = net.get_submodule(NAME)
     assert isinstance(classes, Classes)
     return classes
 
 
-def remove_classes(net: Epinet) -> None:
+def remove_classes(net: Layers) -> None:
     """Leave the published network; does nothing where there are no classifiers."""
     net._modules.pop(NAME, None)
 

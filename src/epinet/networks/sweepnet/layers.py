@@ -1,28 +1,9 @@
-"""SweepNet: a plane sweep along the eight arms of the star, then refinements by what is left over.
-
-EPINET must discover from stacks of views what matching is. SweepNet is shown the views already
-moved by hypothesised disparities, and a few small convolutions decide. docs/sweepnet.md draws it.
-
-    sweep    at half resolution, for hypotheses a pixel apart: how far each arm's views, moved by
-             it, are from the centre view, there and over wide squares; one network, shared by all
-             hypotheses, scores each
-    fill     at half resolution, far-seeing: corrects the best disparities where nothing told
-             them, and says how to enlarge the map to full resolution
-    refine   once at half resolution and twice at full: the views moved by the estimate, a little
-             less and a little more; least squares of each arm, weighed by a network, and what it
-             adds
-
-What the views show of a disparity is taken by `epinet.model.matching`. Disparities inside the
-network are those of views a quarter of the way to the outermost ones apart, so one network serves
-grids of any size; it gives px per adjacent view. Disparities beyond its span are found on smaller
-pictures first and refined on the way up.
-"""
+"""Parts of SweepNet: its shape, the plane sweep, the fill and the refinements."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated
 
 import torch
 from pydantic import Field
@@ -30,11 +11,10 @@ from pydantic.dataclasses import dataclass
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from epinet.model.channels_last import channels_first, pointwise, to_one
-from epinet.model.matching import (
+from epinet.networks.channels_last import channels_first, pointwise, to_one
+from epinet.networks.sweepnet.matching import (
     ARMS,
     GATHERED,
-    OUTERMOST,
     PARTS,
     Squares,
     Views,
@@ -43,10 +23,6 @@ from epinet.model.matching import (
 )
 from epinet.squares import box_mean
 
-SPAN = 12.0
-"""Ranges wider than this, in the network's unit, are searched on smaller pictures."""
-LEAST_SLACK_PX, SLACK = 0.5, 0.1
-"""A search goes so much, or this share of its range, beyond the disparities that are known."""
 BOXES_PX = (1, 5, 15, 45)
 """Squares over which least squares are taken; a network chooses among them."""
 WIDE_PX = 15
@@ -99,34 +75,8 @@ class SweepNetConfig:
     full: RefineConfig = RefineConfig(0.15, 5, 2, (1, 4, 1), rounds=2)
     """At half resolution, then at full."""
 
-    def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
-
-class Estimates(NamedTuple):
-    """What the network makes of views, all per adjacent view."""
-
-    maps: list[Tensor]
-    """(B, 1, H, W) disparity after the fill and each round of the refinements; the last is the
-    result."""
-    log_error: Tensor
-    """(B, 1, H, W) logarithm of the mean error to expect of the last map, in px."""
-    scores: Tensor
-    """(B, D, h, w) of the hypotheses, at the resolution of the sweep."""
-    hypotheses: Tensor
-    """(D,) disparities of full-size pixels."""
-
-    def scaled(self, factor: float) -> Estimates:
-        """The same disparities in another unit."""
-        return Estimates(
-            [factor * m for m in self.maps],
-            self.log_error + math.log(factor),
-            self.scores,
-            factor * self.hypotheses,
-        )
-
-
-class _Residual(nn.Module):
+class Residual(nn.Module):
     def __init__(self, width: int, dilation: int) -> None:
         super().__init__()
         self.first = nn.Conv2d(width, width, 3, padding=dilation, dilation=dilation)
@@ -139,14 +89,14 @@ class _Residual(nn.Module):
         return added.add_(x)
 
 
-class _Sweep(nn.Module):
+class Sweep(nn.Module):
     """Scores of hypotheses, each from the costs of the arms' views at it and beside it."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
         self.first = nn.Conv2d(PARTS + GATHERED, 3 * width, 1)
         self.shared = nn.Conv2d(SEEN, width, 3, padding=1)
-        self.body = nn.Sequential(*(_Residual(width, d) for d in (1, 2, 4)))
+        self.body = nn.Sequential(*(Residual(width, d) for d in (1, 2, 4)))
         self.score = nn.Conv2d(width, 1, 3, padding=1)
 
     def forward(self, costs: Tensor, seen: Tensor) -> Tensor:
@@ -171,7 +121,7 @@ class _Sweep(nn.Module):
         return torch.cat(scores, 1)
 
 
-class _Fill(nn.Module):
+class Fill(nn.Module):
     """Corrects the swept map with far-seeing features and says how to enlarge it."""
 
     DILATIONS = (1, 2, 4, 8, 16, 1)
@@ -179,7 +129,7 @@ class _Fill(nn.Module):
     def __init__(self, width: int, context: int) -> None:
         super().__init__()
         self.first = nn.Conv2d(SEEN + 2 + len(SMOOTHINGS_PX), width, 3, padding=1)
-        self.body = nn.Sequential(*(_Residual(width, d) for d in self.DILATIONS))
+        self.body = nn.Sequential(*(Residual(width, d) for d in self.DILATIONS))
         self.out = nn.Conv2d(width, 1 + context + 4 * 9, 3, padding=1)
         nn.init.zeros_(self.out.weight[:1])
 
@@ -191,7 +141,7 @@ class _Fill(nn.Module):
         return swept + out[:, :1], out[:, 1:-36], shares
 
 
-class _Refine(nn.Module):
+class Refine(nn.Module):
     """Moves an estimate by least squares of the arms' residuals, as a network weighs them.
 
     Then each pixel chooses among its neighbours' disparities: beside an edge the estimate is often
@@ -205,7 +155,7 @@ class _Refine(nn.Module):
         wide = sum(box >= WIDE_PX for box in BOXES_PX)
         seen = 3 * PARTS + 2 * len(ARMS) + 4 * wide + 2 + len(SMOOTHINGS_PX) + context
         self.first = nn.Conv2d(seen, width, 1)
-        self.body = nn.Sequential(*(_Residual(width, d) for d in config.dilations))
+        self.body = nn.Sequential(*(Residual(width, d) for d in config.dilations))
         self.parts = [len(ARMS), len(BOXES_PX), 1, 1, 1, config.side**2]
         self.out = nn.Conv2d(width, sum(self.parts), 3, padding=1)
         nn.init.zeros_(self.out.weight)
@@ -255,115 +205,18 @@ class _Refine(nn.Module):
         return disparity, log_error + math.log(spread_px)
 
 
-class SweepNet(nn.Module):
-    """The whole network.
-
-    Example:
-        >>> net = SweepNet().eval()
-        >>> net(torch.zeros(1, 4, 9, 64, 48)).maps[-1].shape
-        torch.Size([1, 1, 64, 48])
-    """
-
-    def __init__(self, config: SweepNetConfig = SweepNetConfig()) -> None:  # noqa: B008 (frozen)
-        super().__init__()
-        self.config = config
-        self.sweep = _Sweep(config.sweep_width)
-        self.fill = _Fill(config.fill_width, config.context_width)
-        self.refine = nn.ModuleList(
-            _Refine(refine, config.refine_width, config.context_width)
-            for refine in (config.half, config.full)
-        )
-
-    def hypotheses(self, range_px: tuple[float, float], views: int) -> tuple[int, Tensor]:
-        """How often the views are halved, beyond once, to sweep a range; and the disparities tried.
-
-        Args:
-            range_px: px per adjacent view.
-            views: per direction.
-
-        Returns:
-            the number, and (D,) disparities in the network's unit.
-        """
-        low, high = (bound * (views // 2) / OUTERMOST for bound in range_px)
-        levels = max(0, math.ceil(math.log2(max(high - low, 1e-6) / SPAN)))
-        spacing = self.config.spacing_px * 2**levels
-        count = math.ceil((high - low) / spacing + 1) + 1
-        return levels, torch.linspace(low - spacing / 2, high + spacing / 2, count)
-
-    def coarsest_px(self, range_px: tuple[float, float], views: int) -> int:
-        """Side of the squares of pixels that its smallest pictures show as one: costs are
-        `gathered` at half the resolution that is swept. Arguments as of `hypotheses`."""
-        return int(2 ** (self.hypotheses(range_px, views)[0] + 2))
-
-    def forward(self, stacks: Tensor, range_px: tuple[float, float] = (-4.0, 4.0)) -> Estimates:
-        """Disparity of the centre view.
-
-        Args:
-            stacks: (B, 4, N, H, W) gray views in 0..1 of any odd N, in the order of
-                `epinet.angular.DIRECTIONS_DEG`.
-            range_px: disparities to look for, px per adjacent view.
-        """
-        if stacks.ndim != 5 or stacks.shape[1] != 4 or stacks.shape[2] % 2 == 0:
-            raise ValueError(f"expected (B, 4, odd N, H, W), got {tuple(stacks.shape)}")
-        per_unit = OUTERMOST / (stacks.shape[2] // 2)
-        levels, hypotheses = self.hypotheses(range_px, stacks.shape[2])
-        hypotheses = hypotheses.to(stacks.device)
-        height, width = stacks.shape[-2:]
-        side = 2 ** (levels + 1)
-        pad = (0, -width % side, 0, -height % side)
-        padded = F.pad(stacks.flatten(1, 2), pad, mode="replicate")
-        pyramid = [padded]
-        for _ in range(levels + 1):
-            pyramid.append(_halved(pyramid[-1]))
-        pyramid = [_stacks(images, stacks.shape[2]) for images in pyramid]
-
-        half = Views(pyramid[-1])
-        with torch.no_grad():
-            costs, distinct = half.costs((hypotheses / side).tolist())
-        seen = torch.cat([half.centre, costs[:, :, :PARTS].amin(1), distinct], 1)
-        scores = self.sweep(costs, seen)
-        del costs  # they are large
-        swept, spread = _best(scores, hypotheses / 2**levels)
-        filled, context, shares = self.fill(swept, spread, seen)
-        maps = [_whole(_enlarged_by(filled, shares), levels)]
-        at_half, at_full = self.refine
-        disparity = filled / 2
-        for _ in range(self.config.half.rounds):
-            disparity, _ = at_half(half, disparity, context)
-            large = _enlarged_by(2 * disparity, shares)
-            maps.append(_whole(large, levels))
-        disparity = large
-        for level in reversed(range(levels + 1)):
-            views = Views(pyramid[level])
-            context = enlarged(context)
-            if level < levels:
-                disparity = _whole(disparity, 1)
-            for _ in range(self.config.full.rounds):
-                disparity, log_error = at_full(views, disparity, context)
-                maps.append(_whole(disparity, level))
-        maps = [per_unit * m[..., :height, :width] for m in maps]
-        log_error = log_error[..., :height, :width] + math.log(per_unit)
-        return Estimates(maps, log_error, scores, per_unit * hypotheses)
-
-
-def searched(low_px: float, high_px: float) -> tuple[float, float]:
-    """Where to look for the disparities of a scene that lie between these, px."""
-    slack = max(LEAST_SLACK_PX, SLACK * (high_px - low_px))
-    return low_px - slack, high_px + slack
-
-
-def _halved(images: Tensor) -> Tensor:
+def halved(images: Tensor) -> Tensor:
     """Means of 2x2 px of images with even sides: torch's pooling takes several times as long."""
     rows = images[..., ::2, :] + images[..., 1::2, :]
     return (rows[..., ::2] + rows[..., 1::2]).div_(4)
 
 
-def _stacks(images: Tensor, views: int) -> Tensor:
+def as_stacks(images: Tensor, views: int) -> Tensor:
     """Images (B, 4 * N, H, W) as stacks (B, 4, N, H, W)."""
     return images.view(len(images), -1, views, *images.shape[-2:])
 
 
-def _best(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
+def best_hypothesis(scores: Tensor, hypotheses: Tensor) -> tuple[Tensor, Tensor]:
     """Mean disparity (B, 1, h, w) around the best hypothesis, and the probability of others."""
     probability = scores.float().softmax(1)
     index = torch.arange(len(hypotheses), device=scores.device).view(1, -1, 1, 1)
@@ -390,14 +243,14 @@ def _neighbours(images: Tensor, side: int, apart_px: int) -> list[Tensor]:
     return [padded[..., y : y + height, x : x + width] for y in steps for x in steps]
 
 
-def _enlarged_by(disparity: Tensor, shares: Tensor) -> Tensor:
+def enlarged_by(disparity: Tensor, shares: Tensor) -> Tensor:
     """Map (B, 1, h, w) as (B, 1, 2h, 2w): means of the 3x3 around, by (B, 9, 2, 2, h, w) shares."""
     b, _, h, w = disparity.shape
     around = torch.cat(_neighbours(disparity, 3, 1), 1).view(b, 9, 1, 1, h, w)
     return (shares * around).sum(1).permute(0, 3, 1, 4, 2).reshape(b, 1, 2 * h, 2 * w)
 
 
-def _whole(disparity: Tensor, level: int) -> Tensor:
+def at_full_size(disparity: Tensor, level: int) -> Tensor:
     """The map of views halved so often as a map of the whole ones."""
     for _ in range(level):
         disparity = 2 * enlarged(disparity)

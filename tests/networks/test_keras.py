@@ -12,9 +12,10 @@ import torch
 from epinet.errors import InputError
 from epinet.io import read_pfm, write_light_field
 from epinet.lightfield import LightField
-from epinet.model.checkpoint import load_weights
-from epinet.model.epinet import EpinetConfig
-from epinet.model.keras import read_keras
+from epinet.networks.epinet import EpinetConfig
+from epinet.networks.epinet.keras import read_keras
+from epinet.networks.inputs import GRAY
+from epinet.networks.weights import load_weights
 from epinet.predict.estimator import Estimator
 
 VIEWS, WIDTH = 5, 3
@@ -113,7 +114,7 @@ def test_an_imported_network_gives_what_the_reference_gives(tmp_path, whole, nes
     model = reference_model()
     weights = read_keras(write(tmp_path / "iter.hdf5", model, whole=whole, nested=nested))
     assert weights.net.config == EpinetConfig(views=VIEWS, stream_width=WIDTH)
-    assert not weights.sees_local_contrast
+    assert weights.input is GRAY
     stacks = np.random.default_rng(2).random((4, 27, 26, VIEWS))
     expected = reference_forward(model, stacks)
     with torch.no_grad():

@@ -13,20 +13,20 @@ centre view in pixels per adjacent view (see docs/conventions.md).
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated
 
 import torch
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 from torch import Tensor, nn
 
+from epinet.networks.base import VIEW_COUNTS
+
 MARGIN_PX = 11
 """Pixels of context that one output pixel needs on each side: the map is 2 * 11 smaller."""
 
 STREAM_COUNTS = (1, 2, 4)
-VIEW_COUNTS = (3, 5, 7, 9)
 
 
 @dataclass(frozen=True, config={"extra": "forbid"})
@@ -76,9 +76,6 @@ class EpinetConfig:
         merge = blocks(self.merge_blocks, width, width)
         return streams + merge + conv(width, width) + conv(width, 1)
 
-    def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 @lru_cache
 def _width_of_equal_size(streams: int, views: int, width: int) -> int:
@@ -122,14 +119,8 @@ def _blocks(n: int, first: nn.Conv2d) -> nn.Sequential:
     return nn.Sequential(_block(first), *(_block(nn.Conv2d(c, c, 2)) for _ in range(n - 1)))
 
 
-class Epinet(nn.Module):
-    """EPINET as published.
-
-    Example:
-        >>> net = Epinet(EpinetConfig(views=9)).eval()
-        >>> net(torch.zeros(1, 4, 9, 64, 48)).shape
-        torch.Size([1, 1, 42, 26])
-    """
+class Layers(nn.Module):
+    """The published network."""
 
     def __init__(self, config: EpinetConfig = EpinetConfig()) -> None:  # noqa: B008 (frozen)
         super().__init__()

@@ -6,9 +6,11 @@ import pytest
 import torch
 
 from epinet.errors import InputError
-from epinet.model.checkpoint import load_weights, save_weights
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.model.sweepnet import SweepNet
+from epinet.networks.base import config_as_dict
+from epinet.networks.epinet import Epinet, EpinetConfig
+from epinet.networks.inputs import GRAY
+from epinet.networks.sweepnet import SweepNet
+from epinet.networks.weights import load_weights, save_weights
 
 
 def test_weights_come_back_in_half_precision_with_all_they_say(tmp_path):
@@ -20,7 +22,7 @@ def test_weights_come_back_in_half_precision_with_all_they_say(tmp_path):
     assert weights.net.config == net.config
     assert weights.metadata["steps"] == 7
     assert weights.disparity_range_px == (-1, 2)
-    assert not weights.sees_local_contrast
+    assert weights.input is GRAY
     for name, tensor in net.state_dict().items():
         back = weights.net.state_dict()[name]
         assert back.dtype == tensor.dtype
@@ -33,7 +35,7 @@ def tampered(path, **changes):
 
     net = Epinet(EpinetConfig(views=3, stream_width=2))
     texts = {"format": "epinet-1", "model": "epinet", "metadata": "{}"}
-    texts["config"] = json.dumps(net.config.as_dict())
+    texts["config"] = json.dumps(config_as_dict(net))
     tensors = dict(net.state_dict())
     for name, value in changes.items():
         if isinstance(value, torch.Tensor):
@@ -45,7 +47,7 @@ def tampered(path, **changes):
 
 
 def test_a_small_file_as_it_should_be_is_read(tmp_path):
-    assert load_weights(tampered(tmp_path / "w.safetensors")).views == (3,)
+    assert load_weights(tampered(tmp_path / "w.safetensors")).net.views == (3,)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +62,7 @@ def test_a_small_file_as_it_should_be_is_read(tmp_path):
         ({"config": '{"views": 3, "stream_width": 2, "merge_blocks": 1}'}, "3 and 1 blocks"),
         ({"config": "[]"}, "configuration: .*dictionary"),
         ({"model": "sweepnet"}, "spacing_px|not known|configuration"),
-        ({"model": "transformer"}, "model: .*'epinet' or 'sweepnet'"),
+        ({"model": "transformer"}, "'transformer', which is none of sweepnet, epinet"),
         ({"metadata": "[]"}, "metadata: .*dictionary"),
         ({"metadata": '{"disparity_range_px": [-1]}'}, "disparity_range_px"),
         ({"metadata": '{"disparity_range_px": [-1, 1e400]}'}, "disparity_range_px.1"),
@@ -80,7 +82,7 @@ def test_what_weights_say_is_checked_before_they_are_used(tmp_path, changes, say
 
 def test_a_sweep_without_end_is_refused(tmp_path):
     net = SweepNet()
-    config = net.config.as_dict()
+    config = config_as_dict(net)
     for key, value in (("spacing_px", 1e-6), ("half", config["half"] | {"rounds": 10**6})):
         path = tmp_path / "w.safetensors"
         save_weights(path, net, {})

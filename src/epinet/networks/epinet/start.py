@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
 
-from epinet.model.epinet import Epinet, ViewConv
+from epinet.networks.epinet.layers import Layers, ViewConv
+
+L = TypeVar("L", bound=Layers)
 
 
-def start_on_differences(net: Epinet, gain: float = 10.0) -> None:
+def start_on_differences(net: Layers, gain: float = 10.0) -> None:
     """He initialisation, the first layers looking at differences to the centre view.
 
     The first layer of a stream computes sum_i w_i v_i over its views v_i. Taking the sum of the
@@ -46,7 +49,7 @@ OPEN = 0.5
 
 
 @torch.no_grad()
-def pass_on(net: Epinet, share: float) -> None:
+def pass_on(net: Layers, share: float) -> None:
     """Let every hidden layer begin with a share of the identity beside its random weights.
 
     22 convolutions without a shortcut garble what the first ones find. Here each convolution of as
@@ -76,7 +79,7 @@ def _hidden_convolutions(part: nn.Module) -> list[nn.Conv2d]:
     return [c for c in convolutions if c.in_channels == c.out_channels]
 
 
-def start_as_keras(net: Epinet) -> None:
+def start_as_keras(net: Layers) -> None:
     """Keras' default, as in the reference: Glorot's uniform weights and no biases."""
     for module in net.modules():
         if isinstance(module, nn.Conv2d):
@@ -86,14 +89,14 @@ def start_as_keras(net: Epinet) -> None:
 
 
 @torch.no_grad()
-def with_fewer_views(net: Epinet, views: int) -> Epinet:
+def with_fewer_views(net: L, views: int) -> L:
     """A network of `views` views per direction that starts from one of more.
 
     It gives what `net` would give if every view that it lacks were equal to the centre view: a
     start for training, not a result.
     """
     config = replace(net.config, views=views)
-    smaller = Epinet(config)
+    smaller = type(net)(config)
     state = net.state_dict()
     gone = (net.config.views - views) // 2
     for name, module in net.named_modules():
@@ -107,14 +110,14 @@ def with_fewer_views(net: Epinet, views: int) -> Epinet:
 
 
 @torch.no_grad()
-def widened(net: Epinet, width: int, seed: int) -> Epinet:
+def widened(net: L, width: int, seed: int) -> L:
     """A wider network that gives what `net` gives (Chen et al., ICLR 2016, "Net2Net").
 
     Units are copied in turn until there are enough, and each weight of the next layer is shared
     out at random among the copies of the unit that it reads, so that they can part in training.
 
     Args:
-        net: without norms of training, see `epinet.model.normed`.
+        net: without norms of training, see `epinet.networks.epinet.normed`.
         width: of a stream; no less than the net's.
         seed: of the shares.
     """
@@ -124,7 +127,7 @@ def widened(net: Epinet, width: int, seed: int) -> Epinet:
     old, config = net.config.stream_width, replace(net.config, stream_width=width)
     of_stream = torch.arange(width) % old
     of_merge = torch.cat([of_stream + old * s for s in range(config.streams)])
-    wider = Epinet(config)
+    wider = type(net)(config)
     state = net.state_dict()
     for name, module in wider.named_modules():
         if isinstance(module, nn.Conv2d) and not isinstance(module, ViewConv):

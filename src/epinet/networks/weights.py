@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -19,32 +18,21 @@ from torch import Tensor
 from epinet.documents import parse_json, problems_of, short, validated
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
-from epinet.model.epinet import Epinet, EpinetConfig
-from epinet.model.sweepnet import SweepNet, SweepNetConfig
+from epinet.networks.base import Network, config_as_dict
+from epinet.networks.inputs import GRAY, INPUTS, Input
+from epinet.networks.registry import (
+    OURS,
+    folder_of_weights,
+    name_of,
+    network_type,
+    network_type_of_file,
+)
 from epinet.reading import read_bytes
 from epinet.texts import POINTER, is_pointer
 
 FORMAT = "epinet-1"
-LOCAL_CONTRAST = "local contrast"
-"""Value of the metadata's "input" where the weights want views as in `model.contrast`."""
-
-SWEEPNET_VIEWS = (9, 7, 5, 3)
-"""Sides of the grids that SweepNet is shown: what it was trained on, though it takes any."""
-
-
-Network = Epinet | SweepNet
-
 CALIBRATION = "calibration"
 """Key of the metadata of `epinet.predict.confidence.Calibration`, where errors are predicted."""
-
-EPINET, SWEEPNET = "epinet", "sweepnet"
-MODELS: dict[str, tuple[type[Network], type[EpinetConfig] | type[SweepNetConfig]]] = {
-    SWEEPNET: (SweepNet, SweepNetConfig),
-    EPINET: (Epinet, EpinetConfig),
-}
-"""The networks by name, each with its configuration; the first is used unless told otherwise."""
-
-DEFAULT_MODEL = next(iter(MODELS))
 
 _MOST_PROBLEMS = 10
 _COUNTER = "num_batches_tracked"
@@ -62,7 +50,7 @@ class _Header(BaseModel):
     """Metadata of the safetensors file, all of them texts."""
 
     format: Literal["epinet-1"]
-    model: Literal["epinet", "sweepnet"] = "epinet"
+    model: Annotated[str, Field(max_length=200)] = "epinet"
     config: str
     metadata: str
 
@@ -102,7 +90,7 @@ class _About(BaseModel):
 class Weights:
     """A network ready to predict, and what its file says about it."""
 
-    net: Network
+    net: Network[Any]
     """In eval mode, float32, on the CPU."""
     metadata: dict[str, Any]
     """Recipe, data, steps, scores and "disparity_range_px"."""
@@ -111,25 +99,20 @@ class Weights:
     """Of the file."""
 
     @property
-    def sees_local_contrast(self) -> bool:
-        """Whether they were trained on local contrast; otherwise on plain gray, as published."""
-        return self.metadata.get("input") == LOCAL_CONTRAST
+    def input(self) -> Input:
+        """What the network was trained to see of gray views."""
+        return INPUTS.get(self.metadata.get("input") or GRAY.name, GRAY)
 
     @property
     def model(self) -> str:
-        """Name of the network's kind."""
-        return model_of(self.net)
-
-    @property
-    def views(self) -> tuple[int, ...]:
-        """Sides of the grids of views that the network can be shown, the largest first."""
-        return SWEEPNET_VIEWS if isinstance(self.net, SweepNet) else (self.net.config.views,)
+        """Name of the network."""
+        return name_of(type(self.net))
 
     def lines(self) -> list[str]:
         """What people want to know of them."""
         about = self.metadata
         lines = [
-            f"network   {self._network_text()}",
+            f"network   {self.net.describe()}",
             f"input     {about.get('input', 'gray')}",
         ]
         if self.disparity_range_px is not None:
@@ -154,15 +137,6 @@ class Weights:
             )
         return [*lines, f"file      {self.source}"]
 
-    def _network_text(self) -> str:
-        parameters = sum(p.numel() for p in self.net.parameters())
-        if isinstance(self.net, SweepNet):
-            return f"SweepNet, 3x3 to 9x9 views, {parameters:,} parameters"
-        config = self.net.config
-        return (
-            f"EPINET, {config.streams} streams of {config.views} views, {parameters:,} parameters"
-        )
-
     @property
     def disparity_range_px(self) -> tuple[float, float] | None:
         """Range of the training scenes, where the file states it."""
@@ -170,12 +144,9 @@ class Weights:
         return None if bounds is None else (float(bounds[0]), float(bounds[1]))
 
 
-def model_of(net: Network) -> str:
-    """Name of a network's kind."""
-    return next(name for name, (kind, _) in MODELS.items() if isinstance(net, kind))
-
-
-def save_weights(path: Path, net: Network, metadata: dict[str, Any], *, half: bool = True) -> None:
+def save_weights(
+    path: Path, net: Network[Any], metadata: dict[str, Any], *, half: bool = True
+) -> None:
     """Write a network's weights.
 
     Args:
@@ -192,8 +163,8 @@ def save_weights(path: Path, net: Network, metadata: dict[str, Any], *, half: bo
     tensors = {n: stored(n, t.detach().cpu()) for n, t in net.state_dict().items()}
     header = {
         "format": FORMAT,
-        "model": model_of(net),
-        "config": json.dumps(net.config.as_dict()),
+        "model": name_of(type(net)),
+        "config": json.dumps(config_as_dict(net)),
         "metadata": json.dumps(metadata),
     }
     with atomic_path(path) as temporary:
@@ -201,15 +172,14 @@ def save_weights(path: Path, net: Network, metadata: dict[str, Any], *, half: bo
 
 
 def shipped_weights(model: str | None = None) -> dict[str, Path]:
-    """Files of the weights that come with the package, of one model or of all, by name.
+    """Files of the weights that come with a network, by name; of all of the package's by default.
 
     Raises:
-        InputError: there is no such model.
+        InputError: there is no such network.
     """
-    if model is not None and model not in MODELS:
-        raise InputError(f"model {model}: there are {', '.join(MODELS)}")
-    folder = Path(str(resources.files("epinet.model") / "weights"))
-    return {path.stem: path for path in sorted(folder.glob(f"{model or ''}*.safetensors"))}
+    names = OURS if model is None else [model]
+    folders = [folder_of_weights(network_type(name)) for name in names]
+    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.safetensors"))}
 
 
 def load_weights(path: Path | str) -> Weights:
@@ -244,15 +214,18 @@ def load_weights(path: Path | str) -> Weights:
     return Weights(net.eval(), metadata, str(file), hashlib.sha256(data).hexdigest())
 
 
-def _network(header: _Header, tensors: Mapping[str, Tensor], file: Path) -> Network:
+def _network(header: _Header, tensors: Mapping[str, Tensor], file: Path) -> Network[Any]:
     """The network of a file, which takes no more memory than its tensors say.
 
     Raises:
         InputError: its configuration is out of bounds, or its tensors are others or not finite.
     """
-    kind, config_type = MODELS[header.model]
     try:
-        config: Any = TypeAdapter(config_type).validate_python(
+        kind = network_type_of_file(header.model)
+    except InputError as error:
+        raise InputError([f"{file}: {problem}" for problem in error.problems]) from error
+    try:
+        config: Any = TypeAdapter(kind.Config).validate_python(
             parse_json(header.config, f"{file}, its configuration")
         )
     except ValidationError as error:
@@ -264,7 +237,7 @@ def _network(header: _Header, tensors: Mapping[str, Tensor], file: Path) -> Netw
 
 
 def check_tensors(
-    tensors: Mapping[str, Tensor], make: Callable[[], Network], whose: str, file: Path
+    tensors: Mapping[str, Tensor], make: Callable[[], Network[Any]], whose: str, file: Path
 ) -> None:
     """Refuse tensors that a network does not have, or that no network may have.
 
