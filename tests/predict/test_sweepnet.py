@@ -183,7 +183,7 @@ def test_a_model_and_the_weights_of_another_are_refused():
     assert epinet.load_model(model="epinet", device="cpu").weights[0].model == "epinet"
     with pytest.raises(InputError, match="weights of epinet, not of sweepnet"):
         epinet.load_model("epinet_9x9", model="sweepnet")
-    with pytest.raises(InputError, match="model other: there are sweepnet, epinet"):
+    with pytest.raises(InputError, match="model 'other': there are sweepnet, epinet"):
         epinet.load_model(model="other")
 
 
