@@ -19,7 +19,7 @@ from torch import nn
 
 from epinet.errors import InputError
 from epinet.networks.epinet import Epinet, EpinetConfig
-from epinet.networks.sweepnet.loss import FAR
+from epinet.networks.robust import FAR
 from epinet.networks.weights import load_weights, save_weights
 from epinet.synth.dataset import write_dataset
 from epinet.synth.options import Options
@@ -51,13 +51,14 @@ def command(**changes: object) -> list[str]:
 COMMAND = command()
 TOGETHER = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
 QUICK = """
+import json
 import sys
 from pathlib import Path
 from epinet.train import run
 from epinet.train.recipe import Recipe
 from epinet.train.validation import Validation
 run.LOG_EVERY = 1
-recipe = Recipe.model_validate_json(sys.argv[1])
+recipe = Recipe.of(json.loads(sys.argv[1]))
 scenes = Validation.of_folders([Path(sys.argv[3])], recipe.views)
 cache = Path(sys.argv[4])
 run.Run(recipe, Path(sys.argv[2]), cache=cache, validation=scenes).train(save_every_s=0)
