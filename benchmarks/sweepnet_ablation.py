@@ -255,7 +255,7 @@ def trained(name: str, steps: int) -> dict[str, Any]:
     }
     with TemporaryDirectory() as folder:
         chosen = load_recipe(RECIPE, changes | variant.changes)
-        run = Run(chosen, Path(folder), say=lambda line: None)
+        run = Run(chosen, Path(folder))
         run.train()
         predictor = estimator.Estimator(run.weights(), device="cpu")
         small = run.history[-1]["scores"]

@@ -56,7 +56,7 @@ def trained(
     same |= RECIPES[name]
     recipe = load_recipe(name, same)
     with TemporaryDirectory() as trial:
-        run = Run(recipe, Path(trial), validation=held_out, say=lambda line: None)
+        run = Run(recipe, Path(trial), validation=held_out)
         run._train_step()  # first calls are slow
         begun = time.process_time()
         for _ in range(TIMED_STEPS):

@@ -91,7 +91,7 @@ VALIDATIONS = 3
 def steps_within(recipe: Recipe, minutes: float, held_out: Validation, cache: Path) -> int:
     """How many steps fit, scenes rendered."""
     with TemporaryDirectory() as trial:
-        run = Run(recipe, Path(trial), validation=held_out, cache=cache, say=lambda line: None)
+        run = Run(recipe, Path(trial), validation=held_out, cache=cache)
         run._train_step()  # renders, and first calls are slow
         run.step = 0
         begun = time.process_time()

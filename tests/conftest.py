@@ -1,5 +1,6 @@
-"""Real light fields, where there are any."""
+"""Real light fields, where there are any, and what the library logs."""
 
+import logging
 import os
 from pathlib import Path
 
@@ -13,3 +14,10 @@ def real() -> Path:
     if not folder:
         pytest.skip("EPINET_LIGHTFIELDS names no folder of real light fields")
     return Path(folder)
+
+
+@pytest.fixture
+def log(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
+    """What the library logs from the level INFO on, in `log.messages`."""
+    caplog.set_level(logging.INFO, "epinet")
+    return caplog

@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 import warnings
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -29,16 +29,44 @@ from epinet.commands.train import train
 from epinet.commands.wiggle import wiggle
 from epinet.errors import InputError
 from epinet.reading import LIMIT_BYTES, set_limit
-from epinet.terminal import remark, say
+from epinet.terminal import RemarkHandler, remark, say
+
+DEBUG = "EPINET_DEBUG"
+"""The environment variable that stands for `--debug`, also where no option can be read."""
+NAMES_OF_HELP = {"help_option_names": ["-h", "--help"]}
+LOGGER = logging.getLogger("epinet")
+KEPT = {
+    "predict": "complete results are kept, and the same command goes on with the others",
+    "evaluate": "complete maps in OUT/maps are kept, and the same command goes on with the others",
+    "submit": "nothing was written",
+    "train": "the last checkpoint is kept, and the same command continues from it",
+    "synth": "complete scenes are kept, and the same command with --resume makes the others",
+    "validation": "complete scenes are kept, and the same command makes the others",
+}
+"""What Ctrl-C leaves of a command's work. All others write their output whole at their end."""
+
+
+class _Commands(OnceGroup):
+    """The commands, which say what they kept when Ctrl-C ends one."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interruption:
+            LOGGER.debug("interrupted here:", exc_info=interruption)
+            kept = KEPT.get(ctx.invoked_subcommand, "nothing was written")
+            remark(f"interrupted: {kept}")
+            raise typer.Exit(130) from interruption
+
 
 app = typer.Typer(
     name="epinet",
-    cls=OnceGroup,
+    cls=_Commands,
+    context_settings=NAMES_OF_HELP,
     help="Depth from light fields, from views on disk to a disparity map.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    add_completion=False,
 )
 SPINS = "1000"
 """How often a thread of torch looks whether the others are done before it sleeps. GNU's OpenMP
@@ -62,8 +90,8 @@ COMMANDS = (
     validation,
 )
 for command in COMMANDS:
-    app.command(cls=OnceCommand)(command)
-app.add_typer(weights.app, name="weights")
+    app.command(cls=OnceCommand, context_settings=NAMES_OF_HELP)(command)
+app.add_typer(weights.app, name="weights", context_settings=NAMES_OF_HELP)
 
 
 def _version(wanted: bool) -> None:
@@ -85,23 +113,31 @@ def _options(
             help="What a file may decode to in memory, if it is not large itself.",
         ),
     ] = LIMIT_BYTES // 10**6,
+    debug: Annotated[
+        bool,
+        typer.Option(
+            "--debug", envvar=DEBUG, help="Print the traceback behind an error message, too."
+        ),
+    ] = False,
 ) -> None:
     set_limit(read_limit)
+    if debug:
+        LOGGER.setLevel(logging.DEBUG)
 
 
 def main() -> None:
     """Run the command line; bad input ends with one clear message and exit status 2."""
     os.environ.setdefault("GOMP_SPINCOUNT", SPINS)  # read when torch is loaded
     _silence_libraries()
+    handler = RemarkHandler()
+    LOGGER.addHandler(handler)
+    LOGGER.setLevel(logging.INFO)
     try:
         sys.exit(app(standalone_mode=False))
     except InputError as error:
-        for problem in error.problems:
-            remark(f"error: {problem}")
-        sys.exit(2)
+        _end(error, error.problems)
     except OSError as error:
-        remark(f"error: {error.filename or 'input or output'}: {error.strerror}")
-        sys.exit(2)
+        _end(error, [f"{error.filename or 'input or output'}: {error.strerror}"])
     except typer.Abort:
         remark("Aborted!")
         sys.exit(1)
@@ -110,6 +146,16 @@ def main() -> None:
             raise
         _show_usage(error)
         sys.exit(2)
+    finally:
+        LOGGER.removeHandler(handler)
+
+
+def _end(error: Exception, problems: list[str]) -> NoReturn:
+    """Print what is wrong, with the traceback where --debug asks for it, and exit with status 2."""
+    LOGGER.debug("the traceback behind the message below:", exc_info=error)
+    for problem in problems:
+        remark(f"error: {problem}")
+    sys.exit(2)
 
 
 def _silence_libraries() -> None:

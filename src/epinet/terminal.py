@@ -7,6 +7,7 @@ are characters that the stream's encoding lacks and bytes that are no text.
 
 from __future__ import annotations
 
+import logging
 import sys
 import unicodedata
 from collections.abc import Iterable
@@ -41,6 +42,18 @@ def say_all(lines: Iterable[str]) -> None:
 def remark(line: str) -> None:
     """Print a line to standard error, where it is not in the way of results."""
     _print(line, sys.stderr)
+
+
+class RemarkHandler(logging.Handler):
+    """Prints what the library logs as remarks: a warning says that it is one."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record, and the traceback that it may carry, a line at a time."""
+        text = self.format(record)
+        if record.levelno >= logging.WARNING:
+            text = f"{record.levelname.lower()}: {text}"
+        for line in text.splitlines():
+            remark(line)
 
 
 def _print(line: str, stream: TextIO) -> None:

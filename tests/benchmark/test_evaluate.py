@@ -165,31 +165,30 @@ def without_truth(folder):
     write_png(folder / "input_Cam000.png", np.zeros((*SIZE, 3), np.uint8))
 
 
-def test_scenes_without_truth_are_left_out_unless_asked_for(tmp_path, add_scene):
+def test_scenes_without_truth_are_left_out_unless_asked_for(tmp_path, add_scene, log):
     """As in the benchmark's tree, where test/ has none; a folder beside a scene's has none, too."""
-    data, notes = tmp_path / "data", []
+    data = tmp_path / "data"
     add_scene("training/boxes")
     for name in ("test/herbs", "views/boxes"):
         without_truth(add_scene(name))
-    assert [scene.name for scene in find_scenes(data, say=notes.append)] == ["boxes"]
-    assert notes == ["left out: herbs (no truth: gt_disp_lowres.pfm is missing)"]
+    assert [scene.name for scene in find_scenes(data)] == ["boxes"]
+    assert log.messages == ["left out: herbs (no truth: gt_disp_lowres.pfm is missing)"]
     with pytest.raises(InputError, match="herbs: no truth to score against"):
         find_scenes(data, ["boxes", "herbs"])
     with pytest.raises(InputError, match="herbs: no truth to score against"):
         find_scenes(data / "test")
 
 
-def test_scenes_and_maps_that_are_not_on_both_sides_are_left_out(tmp_path, add_scene):
+def test_scenes_and_maps_that_are_not_on_both_sides_are_left_out(tmp_path, add_scene, log):
     for name in "abc":
         add_scene(name)
     for method, names in {"one": "abx", "two": "bcy", "three": "c"}.items():
         for name in names:
             write_pfm(tmp_path / method / f"{name}.pfm", np.zeros(SIZE))
     one, two, three = (str(tmp_path / method) for method in ("one", "two", "three"))
-    notes = []
-    prepared = prepare([one, two], tmp_path / "data", say=notes.append)
+    prepared = prepare([one, two], tmp_path / "data")
     assert [scene.name for scene in prepared.scenes] == ["b"]
-    assert notes == [
+    assert log.messages == [
         f"left out: c (no maps of them in {one})",
         f"left out: a (no maps of them in {two})",
         f"left out: maps of a, x in {one} (the scenes are b)",
@@ -202,14 +201,13 @@ def test_scenes_and_maps_that_are_not_on_both_sides_are_left_out(tmp_path, add_s
     assert len(caught.value.problems) == 2
 
 
-def test_maps_of_the_reference_code_lack_a_border(tmp_path, add_scene):
+def test_maps_of_the_reference_code_lack_a_border(tmp_path, add_scene, log):
     """11 px on each side, which the network does not see: they count as without an estimate."""
     truth = np.full((60, 70), 0.5, np.float32)
     add_scene("a", truth)
     write_pfm(tmp_path / "maps" / "a.pfm", truth[11:-11, 11:-11])
-    notes = []
-    prepared = prepare([str(tmp_path / "maps")], tmp_path / "data", say=notes.append)
-    assert "the maps of a in " in notes[0] and "11 px on each side" in notes[0]
+    prepared = prepare([str(tmp_path / "maps")], tmp_path / "data")
+    assert "the maps of a in " in log.messages[0] and "11 px on each side" in log.messages[0]
     methods = list(prepared.methods.values())
     for border_px, bad in ((15, 0.0), (10, 100 * (1 - 38 * 48 / (40 * 50)))):
         scored = evaluate(methods, prepared.scenes, benchmark_metrics(), border_px=border_px)
@@ -379,14 +377,13 @@ def test_one_name_twice_hides_nothing_else(tmp_path, add_scene):
     assert "in colour" in colour
 
 
-def test_views_are_checked_before_a_model_runs(tmp_path, add_scene):
+def test_views_are_checked_before_a_model_runs(tmp_path, add_scene, log):
     (add_scene("blind") / "input_Cam040.png").unlink()
     write_png(add_scene("small") / "input_Cam000.png", np.zeros((9, 8, 3), np.uint8))
-    notes = []
     with pytest.raises(InputError) as caught:
-        prepare(["sweepnet"], tmp_path / "data", border_px=0, say=notes.append)
+        prepare(["sweepnet"], tmp_path / "data", border_px=0)
     (small,) = caught.value.problems
-    assert notes == ["left out: blind (no views for sweepnet to see)"]
+    assert log.messages == ["left out: blind (no views for sweepnet to see)"]
     assert "small: views of 8x9 px; its truth has" in small
     with pytest.raises(InputError, match="blind: no views in it for a model to see"):
         prepare(["sweepnet"], tmp_path / "data", ["blind"], border_px=0)

@@ -117,7 +117,7 @@ def test_a_batch_skips_what_is_done_and_goes_on_after_a_failure(estimator, lf, t
     assert not any(o.skipped for o in batch(estimator, paths, out, ensemble=True))
 
 
-def test_a_folder_stands_for_the_light_fields_inside(lf, tmp_path):
+def test_a_folder_stands_for_the_light_fields_inside(lf, tmp_path, log):
     write_light_field(tmp_path / "views", lf, "hci")
     write_light_field(tmp_path / "stack.npz", lf, "array")
     lenslets = Image.fromarray(np.zeros((14 * 24, 14 * 30, 3), np.uint8))
@@ -125,12 +125,11 @@ def test_a_folder_stands_for_the_light_fields_inside(lf, tmp_path):
     Image.fromarray(lf.views[0, 0]).save(tmp_path / "photo.png")
     (tmp_path / "other").mkdir()
     (tmp_path / "readme.txt").touch()
-    remarks = []
-    found = find_light_fields([tmp_path], say=remarks.append)
+    found = find_light_fields([tmp_path])
     assert [p.name for p in found] == ["flower_eslf.png", "stack.npz", "views"]
-    assert len(remarks) == 2
-    assert str(tmp_path / "other") in remarks[0]
-    assert "photo.png, readme.txt in" in remarks[1]
+    assert len(log.messages) == 2
+    assert str(tmp_path / "other") in log.messages[0]
+    assert "photo.png, readme.txt in" in log.messages[1]
 
 
 def stray_files(folder):
@@ -158,7 +157,7 @@ def stray_files(folder):
     return {path.name for path in folder.iterdir()}
 
 
-def test_files_that_hold_no_light_field_are_left_out_unless_they_are_alone(lf, tmp_path):
+def test_files_that_hold_no_light_field_are_left_out_unless_they_are_alone(lf, tmp_path, log):
     strays = stray_files(tmp_path / "strays")
     endless = {"notes"}
     alone = find_light_fields([tmp_path / "strays"])
@@ -170,10 +169,10 @@ def test_files_that_hold_no_light_field_are_left_out_unless_they_are_alone(lf, t
 
     stray_files(tmp_path / "mixed")
     write_light_field(tmp_path / "mixed" / "scene", lf, "hci")
-    remarks = []
-    found = find_light_fields([tmp_path / "mixed"], say=remarks.append)
+    log.clear()
+    found = find_light_fields([tmp_path / "mixed"])
     assert [p.name for p in found] == ["scene"]
-    assert len(remarks) == 1 and "and 4 more" in remarks[0]
+    assert len(log.messages) == 1 and "and 4 more" in log.messages[0]
 
 
 @pytest.mark.parametrize(
@@ -189,19 +188,18 @@ def test_a_damaged_light_field_is_not_left_out(lf, tmp_path, name, layout):
         assert [p.name for p in find_light_fields([tmp_path])] == [name, "scene"]
 
 
-def test_light_fields_may_be_sorted_into_folders(lf, tmp_path):
+def test_light_fields_may_be_sorted_into_folders(lf, tmp_path, log):
     """As `evaluate` finds the benchmark's; but what lies in results there is none."""
     for name in ("boxes", "training/cotton", "full/additional/dots", "much/too/deep/vinyl"):
         write_light_field(tmp_path / name, lf, "hci")
     (tmp_path / "out" / "boxes").mkdir(parents=True)
     np.save(tmp_path / "out" / "boxes" / "disparity.npy", lf.views[0, 0, ..., 0])
-    remarks = []
-    found = find_light_fields([tmp_path], say=remarks.append)
+    found = find_light_fields([tmp_path])
     assert sorted(p.name for p in found) == sorted(scene_folders(tmp_path))
     assert {p.name for p in found} == {"boxes", "cotton", "dots"}
-    assert len(remarks) == 2
-    assert f"left out: {tmp_path / 'much'} " in remarks[0]
-    assert f"left out: {tmp_path / 'out'} " in remarks[1]
+    assert len(log.messages) == 2
+    assert f"left out: {tmp_path / 'much'} " in log.messages[0]
+    assert f"left out: {tmp_path / 'out'} " in log.messages[1]
 
 
 def test_a_changed_input_is_predicted_again(estimator, lf, tmp_path):

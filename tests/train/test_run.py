@@ -310,14 +310,13 @@ def test_tensorboard_shows_scores_and_pictures(tmp_path, run, monkeypatch):
     assert shown == pytest.approx({h["step"]: h["scores"]["badpix_0.07"] for h in said}, abs=1e-3)
 
 
-def test_progress_tells_the_rate_and_the_time_left(tmp_path, held_out, monkeypatch):
+def test_progress_tells_the_rate_and_the_time_left(tmp_path, held_out, monkeypatch, log):
     monkeypatch.setattr("epinet.train.run.SAY_EVERY_S", 0.0)
-    said: list[str] = []
     scenes = Validation.of_folders([held_out], views=3)
-    Run(TINY, tmp_path, validation=scenes, say=said.append).train()
+    Run(TINY, tmp_path, validation=scenes).train()
     steps = [
         re.match(r"step (\d+) of 12, loss [\d.]+, [\d.]+ steps/s, \d:\d\d:\d\d left", s)
-        for s in said
+        for s in log.messages
     ]
     assert [int(found[1]) for found in steps if found] == [*range(1, 6), *range(7, 12)]
 
@@ -361,16 +360,16 @@ def test_fixed_norms_keep_their_statistics_and_what_is_trained_is_what_is_used(t
 
 @pytest.mark.parametrize("native", [False, True])
 def test_a_cpu_without_bfloat16_computes_in_float32_and_says_so(
-    tmp_path, held_out, monkeypatch, native
+    tmp_path, held_out, monkeypatch, native, log
 ):
     """What weights say of their recipe stays as it is, so that a run may go on elsewhere."""
     monkeypatch.setattr("epinet.train.run.computes_bf16", lambda device: native)
-    scenes, said = Validation.of_folders([held_out], views=3), []
+    scenes = Validation.of_folders([held_out], views=3)
     assert TINY.bf16
-    trained = Run(TINY, tmp_path / "run", validation=scenes, say=said.append)
-    assert len([s for s in said if "computing in float32" in s]) == (not native)
+    trained = Run(TINY, tmp_path / "run", validation=scenes)
+    assert len([s for s in log.messages if "computing in float32" in s]) == (not native)
     plain = TINY.model_copy(update={"bf16": False})
-    exact = Run(plain, tmp_path / "plain", validation=scenes, say=said.append)
+    exact = Run(plain, tmp_path / "plain", validation=scenes)
     batch = exact.batches[0](0)
     assert torch.equal(trained._loss(batch), exact._loss(batch)) == (not native)
     assert trained.metadata()["recipe"]["bf16"]
@@ -521,7 +520,7 @@ def test_processes_that_find_different_checkpoints_do_not_go_on(tmp_path, held_o
     )
     recipe = TINY.model_copy(update={"shards": 2})
     scenes = Validation.of_folders([held_out], views=3)
-    Run(recipe, tmp_path / "0", validation=scenes, say=lambda line: None).train()
+    Run(recipe, tmp_path / "0", validation=scenes).train()
     done = subprocess.run(
         [
             *(*TOGETHER, str(script), recipe.model_dump_json()),
@@ -591,7 +590,7 @@ def test_weights_may_keep_a_share_of_those_that_they_start_from(held_out, tmp_pa
     values |= {"views": 3, "start": "sweepnet", "validate_every": 2, "averaging": 0.0}
     for share in (0.0, 0.25):
         recipe = load_recipe("sweepnet", values | {"start_share": share})
-        Run(recipe, tmp_path / str(share), validation=scenes, say=lambda line: None).train()
+        Run(recipe, tmp_path / str(share), validation=scenes).train()
     start = load_weights("sweepnet").net.state_dict()
     plain, mixed = (
         load_weights(tmp_path / f / "weights.safetensors").net.state_dict() for f in ("0.0", "0.25")
@@ -612,9 +611,7 @@ def test_sweepnet_learns_from_folders_whose_range_is_known(held_out, tmp_path):
     values |= {"start": "sweepnet", "validate_every": 2, "mirror_weight": 0.0}
     values["data"] = [{"folder": str(scene), "disparity_px": [-4, 4]}, {"generator": "narrow"}]
     scenes = Validation.of_folders([held_out], views=3)
-    learner = Run(
-        load_recipe("sweepnet", values), tmp_path, validation=scenes, say=lambda line: None
-    )
+    learner = Run(load_recipe("sweepnet", values), tmp_path, validation=scenes)
     learner.train()
     assert load_weights(tmp_path / "weights.safetensors").metadata["data"]["folders"] == [
         str(scene)
@@ -628,7 +625,7 @@ def test_frozen_parts_keep_the_weights_they_start_from(held_out, tmp_path):
     values = {"steps": 2, "batch": 2, "patch_px": 24, "large_patches": 0.0, "fewer_views": 0.0}
     values |= {"views": 3, "start": "sweepnet", "validate_every": 2, "frozen": ["sweep", "fill"]}
     recipe = load_recipe("sweepnet", values)
-    Run(recipe, tmp_path, validation=scenes, say=lambda line: None).train()
+    Run(recipe, tmp_path, validation=scenes).train()
     start = load_weights("sweepnet").net.state_dict()
     after = load_weights(tmp_path / "weights.safetensors").net.state_dict()
     changed = {

@@ -121,7 +121,7 @@ def test_scenes_are_drawn_by_their_weights(scenes):
         Folders(scenes[:1], Needs(views=3), side_px=24, weights={names[0]: 0.0})
 
 
-def test_mirrors_without_a_mask_are_told(scenes, tmp_path):
+def test_mirrors_without_a_mask_are_told(scenes, tmp_path, log):
     """Of HCI's scenes that have some; the reference code's own name of the mask will do."""
     lf = replace(read_light_field(scenes[0]), masks={})
     for name in ("kitchen", "museum", "boxes"):
@@ -131,9 +131,8 @@ def test_mirrors_without_a_mask_are_told(scenes, tmp_path):
     Image.fromarray(alpha).save(tmp_path / "museum" / "input_Cam040_invalid_ver2.png")
     recipe = load_recipe("paper-9x9", {"views": 3, "scale_weights": [1]})
     recipe = recipe.model_copy(update={"data": (Data(folder=tmp_path),)})
-    told = []
-    batches_of(recipe, [0], say=told.append)
-    assert len(told) == 1 and "kitchen: no mask of its mirrors" in told[0]
+    batches_of(recipe, [0])
+    assert len(log.messages) == 1 and "kitchen: no mask of its mirrors" in log.messages[0]
     (museum,) = Folders([tmp_path / "museum"], Needs(views=3), side_px=24).scenes
     np.testing.assert_array_equal(~museum.usable[0, 0].numpy(), alpha[..., 3] > 0)
 
@@ -155,16 +154,16 @@ def test_what_is_missing_is_named_all_at_once(scenes, tmp_path):
     Folders([centre_only], Needs(views=3), side_px=24)
 
 
-def test_of_a_folder_scenes_that_cannot_be_used_are_left_out(scenes, tmp_path):
+def test_of_a_folder_scenes_that_cannot_be_used_are_left_out(scenes, tmp_path, log):
     lf = read_light_field(scenes[0])
     write_light_field(tmp_path / "training" / "boxes", lf, "hci")
     write_light_field(tmp_path / "test" / "herbs", replace(lf, truth=None), "hci")
     write_light_field(tmp_path / "small", lf.central(3), "hci")
     (tmp_path / "readme.txt").touch()
-    notes = []
-    source = Folders([tmp_path], Needs(views=5), side_px=24, say=notes.append)
+    log.clear()
+    source = Folders([tmp_path], Needs(views=5), side_px=24)
     assert len(source.scenes) == 1
-    text = "\n".join(notes)
+    text = "\n".join(log.messages)
     assert "herbs: no truth" in text and "small: 5x5 views are needed" in text
     assert "readme.txt in" in text
     for named in ([tmp_path, tmp_path / "test" / "herbs"], [tmp_path / "test"]):

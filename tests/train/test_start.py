@@ -40,7 +40,7 @@ def held_out(tmp_path_factory) -> Validation:
 
 def begun(folder: Path, held_out: Validation, **changes: object) -> Run:
     recipe = Recipe.of(TINY.as_dict() | changes)
-    return Run(recipe, folder, validation=held_out, say=lambda line: None)
+    return Run(recipe, folder, validation=held_out)
 
 
 def test_weights_are_the_published_network_s(tmp_path, held_out):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from epinet.predict.record import Timed, read_run
 from epinet.reading import read_bytes
 from epinet.texts import decoded
 
+LOGGER = logging.getLogger(__name__)
 Size = tuple[int, int]
 """(height, width) in pixels."""
 
@@ -112,9 +114,10 @@ def find_maps(
     sizes: Mapping[str, Size],
     *,
     complete: bool = False,
-    say: Callable[[str], None] = lambda line: None,
 ) -> dict[str, MapFile]:
     """The map of each scene, each read once to check it.
+
+    The log says which maps are left out, since they are of other scenes, and which are cut.
 
     Args:
         folder: holds `<scene>.pfm`, `.npy` or `.mat` (perhaps in `disp_maps`), or result folders
@@ -122,7 +125,6 @@ def find_maps(
             `runtimes/<scene>.txt`.
         sizes: (height, width) in px of the scenes that need a map, by name.
         complete: whether every pixel must have an estimate, and every map a run time.
-        say: told which maps are left out, since they are of other scenes, and which are cut.
 
     Raises:
         InputError: all maps that are missing, ambiguous, of the wrong size or cannot be read.
@@ -140,7 +142,9 @@ def find_maps(
     others = sorted(set(candidates) - set(sizes))
     if others and sizes:
         known = listed(sorted(sizes), 12)
-        say(f"left out: maps of {listed(others, 12)} in {folder} (the scenes are {known})")
+        LOGGER.info(
+            "left out: maps of %s in %s (the scenes are %s)", listed(others, 12), folder, known
+        )
     problems = Problems()
     found = {}
     cut = []
@@ -162,9 +166,12 @@ def find_maps(
                 )
     problems.raise_any()
     if cut:
-        say(
-            f"note: the maps of {listed(cut, 12)} in {folder} lack {CUT_PX} px on each side, as "
-            "those of EPINET's reference code do; these pixels count as without an estimate"
+        LOGGER.info(
+            "note: the maps of %s in %s lack %d px on each side, as those of EPINET's reference "
+            "code do; these pixels count as without an estimate",
+            listed(cut, 12),
+            folder,
+            CUT_PX,
         )
     return found
 

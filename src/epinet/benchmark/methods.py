@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from epinet.networks.weights import shipped_weights
 from epinet.predict.batch import Options, Progress, Reading, predict_all
 from epinet.predict.estimator import Estimator, load_model
 
+LOGGER = logging.getLogger(__name__)
 WEIGHTS_SUFFIX = ".safetensors"
 
 
@@ -110,9 +112,8 @@ def prepare(
     *,
     border_px: int = BORDER_PX,
     device: str | None = None,
-    say: Callable[[str], None] = lambda line: None,
 ) -> Prepared:
-    """Find and check scenes and methods.
+    """Find and check scenes and methods; the log says which scenes and maps are left out.
 
     Args:
         texts: the methods, see `named_targets`.
@@ -121,7 +122,6 @@ def prepare(
         metrics: whose masks must be usable where they are.
         border_px: will be left out on each side; something must remain.
         device: to run models on; None takes a GPU where there is one.
-        say: told which scenes and maps are left out.
 
     Raises:
         InputError: all that is wrong with any scene, map or model, a scene asked for that lacks
@@ -132,9 +132,9 @@ def prepare(
     with problems.gather():
         found = scene_folders(data)
     targets = named_targets(texts)
-    scenes = gather_scenes(found, scene_names, problems, say)
+    scenes = gather_scenes(found, scene_names, problems)
     if not scene_names:
-        scenes = _with_estimates(scenes, targets, say)
+        scenes = _with_estimates(scenes, targets)
     for scene in scenes:
         _check_pictures(scene, metrics, problems)
     problems += [
@@ -161,15 +161,13 @@ def prepare(
             elif found:
                 folder = Path(target.what)
                 sizes = {scene.name: scene.size for scene in scenes}
-                maps = find_maps(folder, sizes, say=say)
+                maps = find_maps(folder, sizes)
                 methods[target.name] = Method(target.name, str(folder.resolve()), maps)
     problems.raise_any()
     return Prepared(tuple(scenes), names, methods, models)
 
 
-def _with_estimates(
-    scenes: list[Scene], targets: Sequence[Target], say: Callable[[str], None]
-) -> list[Scene]:
+def _with_estimates(scenes: list[Scene], targets: Sequence[Target]) -> list[Scene]:
     """Those of the scenes that every method has maps of, or views to see.
 
     A method that has none of them leaves all, so that it is told what it lacks.
@@ -185,7 +183,7 @@ def _with_estimates(
             why = f"no maps of them in {folder}"
         if having and len(having) < len(scenes):
             lacking = [scene.name for scene in scenes if scene not in having]
-            say(f"left out: {listed(lacking, 12)} ({why})")
+            LOGGER.info("left out: %s (%s)", listed(lacking, 12), why)
             scenes = having
     return scenes
 
@@ -236,7 +234,6 @@ def maps_to_submit(
     *,
     device: str | None = None,
     progress: Progress,
-    say: Callable[[str], None] = lambda line: None,
 ) -> dict[str, MapFile]:
     """Maps of the benchmark's 12 scenes with run times, from a folder or by running a model.
 
@@ -247,7 +244,6 @@ def maps_to_submit(
         output: the zip that they are for; where it cannot be written, no model is run.
         device: to run a model on; None takes a GPU where there is one.
         progress: told of the model's work.
-        say: told which maps are left out.
 
     Raises:
         InputError: all scenes or maps that are missing or cannot be used, or an unwritable path.
@@ -255,7 +251,7 @@ def maps_to_submit(
     target, size = Target("submission", what), (BENCHMARK_SIDE_PX, BENCHMARK_SIDE_PX)
     if not target.is_model:
         sizes = dict.fromkeys(BENCHMARK_SCENES, size)
-        return find_maps(Path(what), sizes, complete=True, say=say)
+        return find_maps(Path(what), sizes, complete=True)
     if data is None:
         raise InputError(f"{what}: a model needs the scenes; give their folder as --data")
     found = scene_folders(data)

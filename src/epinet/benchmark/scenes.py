@@ -5,7 +5,8 @@ Of a scene only the truth must be there: views, camera and masks are used where 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+import logging
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from epinet.metrics.metric import Mask, Metric, Resolution
 from epinet.metrics.stratified import NUMBERED
 from epinet.predict.batch import FOLDERS_DEEP
 
+LOGGER = logging.getLogger(__name__)
 STRATIFIED = ("backgammon", "dots", "pyramids", "stripes")
 TRAINING = ("boxes", "cotton", "dino", "sideboard")
 TEST = ("bedroom", "bicycle", "herbs", "origami")
@@ -173,21 +175,18 @@ def scene_folders(folder: Path) -> dict[str, list[Path]]:
     return found
 
 
-def find_scenes(
-    folder: Path, names: Sequence[str] = (), say: Callable[[str], None] = lambda line: None
-) -> list[Scene]:
+def find_scenes(folder: Path, names: Sequence[str] = ()) -> list[Scene]:
     """The scenes of a folder, or the one that it is.
 
     Args:
         folder: a scene, or a folder of scenes, perhaps sorted into folders.
         names: of the scenes meant; none means all that have truth.
-        say: told which are left out.
 
     Raises:
         InputError: all that is missing or wrong: no scene, no truth, unknown names, bad files.
     """
     problems = Problems()
-    scenes = gather_scenes(scene_folders(folder), names, problems, say)
+    scenes = gather_scenes(scene_folders(folder), names, problems)
     problems.raise_any()
     return scenes
 
@@ -196,15 +195,15 @@ def gather_scenes(
     folders: Mapping[str, Sequence[Path]],
     names: Sequence[str],
     problems: Problems,
-    say: Callable[[str], None],
 ) -> list[Scene]:
     """The scenes that can be scored against; what is wrong with others goes to `problems`.
+
+    The log says which scenes are left out.
 
     Args:
         folders: by the scenes' names, see `scene_folders`.
         names: of the scenes meant; none means all that have truth, or all where none has it.
         problems: takes what is wrong.
-        say: told which scenes are left out.
     """
     if not folders:
         return []
@@ -215,7 +214,7 @@ def gather_scenes(
     }
     without = sorted(set(folders) - set(with_truth))
     if not names and with_truth and without:
-        say(f"left out: {listed(without, 12)} (no truth: {_TRUTH['low']} is missing)")
+        LOGGER.info("left out: %s (no truth: %s is missing)", listed(without, 12), _TRUTH["low"])
     scenes = []
     for name in dict.fromkeys(names or sorted(with_truth or folders)):
         with problems.gather():

@@ -65,9 +65,7 @@ def evaluate(
     with problems.gather():
         metrics = benchmark_metrics(badpix or BADPIX_THRESHOLDS_PX)
     with problems.gather():
-        prepared = prepare(
-            methods, data, scene or (), metrics, border_px=border, device=device, say=remark
-        )
+        prepared = prepare(methods, data, scene or (), metrics, border_px=border, device=device)
     problems.raise_any()
     if output is not None:
         check_writable(output)

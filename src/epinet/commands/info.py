@@ -16,7 +16,7 @@ from epinet.commands.common import (
     WeightsOption,
 )
 from epinet.errors import InputError
-from epinet.terminal import remark, say, say_all
+from epinet.terminal import say, say_all
 
 
 def info(
@@ -36,7 +36,7 @@ def info(
     reading = Reading(layout, flip_rows, flip_cols, transpose)
     bounds = None if weights is None else load_weights(weights).disparity_range_px
     problems: list[str] = []
-    for i, path in enumerate(find_light_fields(paths, layout, remark)):
+    for i, path in enumerate(find_light_fields(paths, layout)):
         try:
             report = inspect(reading.read(path), bounds)
         except InputError as error:

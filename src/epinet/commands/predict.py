@@ -97,7 +97,7 @@ def predict(
     keep_freed_memory()
     if name is not None:
         check_name(name)
-    found = find_light_fields(paths, layout, remark)
+    found = find_light_fields(paths, layout)
     if name is not None and len(found) != 1:
         raise InputError(f"--name {name}: for one light field, not for {len(found)}")
     estimator = load_model(weights, device, model)

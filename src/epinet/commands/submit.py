@@ -9,7 +9,7 @@ import typer
 
 from epinet.commands.common import DeviceOption
 from epinet.progress import progress
-from epinet.terminal import remark, say
+from epinet.terminal import say
 
 
 def submit(
@@ -48,8 +48,6 @@ def submit(
     assert method is not None and output is not None
     keep_freed_memory()
     with scratch_folder() as temporary:
-        maps = maps_to_submit(
-            method, data, temporary, output, device=device, progress=progress, say=remark
-        )
+        maps = maps_to_submit(method, data, temporary, output, device=device, progress=progress)
         write_submission(output, maps)
     say(f"12 scenes -> {output}")

@@ -80,7 +80,7 @@ def train(
     scenes = None
     if validation:
         trained_on = find_light_fields(chosen.folders)
-        scenes = Validation.of_folders(validation, chosen.views, trained_on, remark)
+        scenes = Validation.of_folders(validation, chosen.views, trained_on)
     with team(on) as processes:
         run = Run(
             chosen,
@@ -89,7 +89,6 @@ def train(
             team=processes,
             validation=scenes,
             cache=cache,
-            say=remark if processes.leads else lambda line: None,
         )
         try:
             run.train()

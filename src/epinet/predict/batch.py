@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -32,6 +33,7 @@ FOLDERS_DEEP = 3
 """Light fields lie in the folder given or up to so many below: HCI's are sorted by category
 in a folder of all."""
 
+LOGGER = logging.getLogger(__name__)
 Progress = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
 
@@ -79,14 +81,13 @@ class Outcome:
 def find_light_fields(
     paths: Sequence[Path],
     layout: str | None = None,
-    say: Callable[[str], None] = lambda line: None,
 ) -> list[Path]:
     """The light fields meant: a path that is none itself stands for those inside it.
 
     Those are files and folders directly inside, and folders up to `FOLDERS_DEEP` below, as the
-    benchmark's archives sort their scenes. What holds no light field is left out, and named to
-    `say`. Of the files inside, images count only where their name ends in `_eslf`: other images are
-    not lenslets.
+    benchmark's archives sort their scenes. What holds no light field is left out, and named in
+    the log. Of the files inside, images count only where their name ends in `_eslf`: other images
+    are not lenslets.
 
     Raises:
         InputError: no such layout, or a folder cannot be listed.
@@ -97,7 +98,7 @@ def find_light_fields(
         inside: list[Path] = []
         try:
             if path.is_dir() and not recognises(path):
-                inside = _inside(path, layout, recognises, say)
+                inside = _inside(path, layout, recognises)
         except OSError as error:
             raise InputError(f"{path}: cannot be listed ({error.strerror})") from error
         found += inside or [path]
@@ -108,7 +109,6 @@ def _inside(
     folder: Path,
     layout: str | None,
     recognises: Callable[[Path], bool],
-    say: Callable[[str], None],
 ) -> list[Path]:
     """The light fields in a folder; where there is none, files that have their endings."""
     entries = sorted(filter(is_shown, folder.iterdir()))
@@ -119,10 +119,10 @@ def _inside(
     if not found:
         return strays
     for note in notes:
-        say(note)
+        LOGGER.info("%s", note)
     others = [p.name for p in entries if p in strays or p not in candidates]
     if others:
-        say(f"left out: {listed(others)} in {folder} (files that hold no light field)")
+        LOGGER.info("left out: %s in %s (files that hold no light field)", listed(others), folder)
     return found
 
 

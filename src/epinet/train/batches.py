@@ -319,13 +319,11 @@ def batches_of(
     *,
     cache: Path | None = None,
     device: str = "cpu",
-    say: Callable[[str], None] = lambda line: None,
 ) -> list[Callable[[int], Batch]]:
     """The batches of some shards of a recipe; scenes on disk are read once for all of them.
 
     Args:
         cache: folder that keeps rendered scenes for other runs on the same ones.
-        say: told what may be wrong with the scenes, a line at a time.
 
     Raises:
         InputError: scenes of the recipe that cannot be used.
@@ -351,7 +349,6 @@ def batches_of(
                     side_px=scale * (large or small).side_px,
                     weights=recipe.scene_weights,
                     device=device,
-                    say=say,
                 )
                 on_disk.append((source, data.share))
     problems.raise_any()

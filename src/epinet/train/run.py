@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import copy
 import json
+import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -28,7 +29,6 @@ import yaml
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
-from epinet import terminal
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path, check_writable, remove_leftovers
 from epinet.networks.base import Batch, Network
@@ -53,6 +53,7 @@ from epinet.train.validation import (
     save_pictures,
 )
 
+LOGGER = logging.getLogger(__name__)
 STATISTICS_BATCHES = 48
 """Batch-norm statistics of averaged weights are taken anew, over so many of the last batches."""
 
@@ -91,7 +92,6 @@ class Run:
         team: the processes that share the run.
         validation: default: small rendered scenes of held-out kinds.
         cache: folder that keeps rendered scenes for other runs on the same ones.
-        say: told about progress, a line at a time.
 
     Raises:
         InputError: the folder cannot be written, its checkpoint is damaged or of another recipe,
@@ -107,9 +107,8 @@ class Run:
         team: Team = ALONE,
         validation: Validation | None = None,
         cache: Path | None = None,
-        say: Callable[[str], None] = terminal.say,
     ) -> None:
-        self.recipe, self.folder, self.team, self.say = recipe, folder, team, say
+        self.recipe, self.folder, self.team = recipe, folder, team
         self.device = torch.device(device)
         self.bf16 = recipe.bf16 and computes_bf16(self.device)
         if recipe.shards % team.size:
@@ -118,7 +117,7 @@ class Run:
                 f"--set shards={team.size}"
             )
         mine = range(team.rank, recipe.shards, team.size)
-        self.batches = batches_of(recipe, mine, cache=cache, device=str(self.device), say=say)
+        self.batches = batches_of(recipe, mine, cache=cache, device=str(self.device))
         check_writable(folder)
         remove_leftovers(folder / "validation")
         torch.manual_seed(recipe.seed)
@@ -149,8 +148,13 @@ class Run:
             self._resume()
         self._check_all_stand_at_this_step()
         if recipe.bf16 and not self.bf16:
-            say(f"computing in float32: this {self.device.type} has no bfloat16 of its own")
+            self._say(f"computing in float32: this {self.device.type} has no bfloat16 of its own")
         self._recent: dict[int, Batch] = {}
+
+    def _say(self, line: str) -> None:
+        """Log a line, once for all processes that share the run."""
+        if self.team.leads:
+            LOGGER.info("%s", line)
 
     @property
     def _checkpoint(self) -> Path:
@@ -172,7 +176,7 @@ class Run:
             self.step, self.seconds = state["step"], state["seconds"]
             self.best, self.losses = state["best"], state["losses"]
             self.history = state["history"]
-        self.say(f"continuing at step {self.step} of {self.recipe.steps}")
+        self._say(f"continuing at step {self.step} of {self.recipe.steps}")
 
     def _check_all_stand_at_this_step(self) -> None:
         """Processes on several machines must see the same folder."""
@@ -397,7 +401,7 @@ class Run:
         with atomic_path(self.folder / "run.json") as temporary:
             summary = metadata | {"history": self.history}
             temporary.write_text(json.dumps(summary, indent=1) + "\n")
-        self.say(
+        self._say(
             f"step {self.step}: loss {entry['mean_loss']:.4f}, BadPix(.07) {scores[BEST]:.2f} %, "
             f"MSE x100 {scores['mse_x100']:.2f} on {len(self.validation.scenes)} held-out scenes"
         )
@@ -438,7 +442,7 @@ class Run:
     def _say_progress(self, steps_per_s: float) -> None:
         left = timedelta(seconds=round((self.recipe.steps - self.step) / steps_per_s))
         loss = sum(self.losses) / len(self.losses)
-        self.say(
+        self._say(
             f"step {self.step} of {self.recipe.steps}, loss {loss:.4f}, {steps_per_s:.2f} steps/s, "
             f"{left} left"
         )

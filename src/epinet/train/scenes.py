@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -12,6 +13,7 @@ from epinet.io.problems import Problems
 from epinet.lightfield import LightField
 from epinet.predict.batch import find_light_fields
 
+LOGGER = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
@@ -22,14 +24,14 @@ class UnfitError(InputError):
 def usable_scenes(
     paths: Sequence[Path],
     use: Callable[[Path, LightField], T],
-    say: Callable[[str], None] = lambda line: None,
 ) -> Iterator[tuple[Path, T]]:
     """What is made of each scene, read one at a time.
+
+    The log says which scenes of folders are left out.
 
     Args:
         paths: scenes, or folders of them as `find_light_fields` takes them.
         use: makes something of a scene; raises `UnfitError` where that is not possible.
-        say: told which scenes of folders are left out.
 
     Raises:
         InputError: at the end, all that is wrong: scenes that cannot be read, and of those that are
@@ -37,7 +39,7 @@ def usable_scenes(
     """
     problems, unfit = Problems(), Problems()
     used = False
-    for path in find_light_fields(paths, say=say):
+    for path in find_light_fields(paths):
         try:
             found = use(path, read_light_field(path))
         except UnfitError as error:
@@ -51,7 +53,7 @@ def usable_scenes(
         problems += unfit
     problems.raise_any()
     for reason in unfit:
-        say(f"left out: {reason}")
+        LOGGER.info("left out: %s", reason)
 
 
 def fitting(path: Path, lf: LightField, views: int) -> LightField:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -24,6 +25,7 @@ from epinet.train.patches import Frames, LightFields, Offset, Patches, cut_by
 from epinet.train.pool_cache import kept
 from epinet.train.scenes import UnfitError, fitting, usable_scenes
 
+LOGGER = logging.getLogger(__name__)
 STEPS_PER_POOL = 16
 """So many steps use a pool of rendered scenes, each with other patches and augmentations; with more
 of them a network adapts to the scenes in use, see docs/training.md."""
@@ -186,11 +188,10 @@ class Folders:
 
     Args:
         paths: scenes in any layout, or folders of them; `ViewShift` needs the benchmark's. Of a
-            folder, scenes that cannot be used are left out.
+            folder, scenes that cannot be used are left out, and named in the log.
         needs: which views and truths.
         side_px: largest patch asked for.
         weights: how often scenes of these names are drawn, relative to others of their size.
-        say: told which are left out, and what may be wrong with the others.
 
     Raises:
         InputError: all that is wrong: unreadable scenes; no truth, missing or small views where
@@ -205,20 +206,20 @@ class Folders:
         side_px: int,
         weights: Mapping[str, float] | None = None,
         device: str = "cpu",
-        say: Callable[[str], None] = lambda line: None,
     ) -> None:
         self.device = device
 
         def fitted(folder: Path, lf: LightField) -> LightFields:
             scene = _scene(folder, fitting(folder, lf, needs.grid), needs, side_px)
             if folder.stem in MIRRORED and "invalid" not in lf.masks:
-                say(
-                    f"warning: {folder}: no mask of its mirrors (invalid_mask.png, or the "
-                    "reference code's input_Cam040_invalid_ver2.png), so that they are trained on"
+                LOGGER.warning(
+                    "%s: no mask of its mirrors (invalid_mask.png, or the reference code's "
+                    "input_Cam040_invalid_ver2.png), so that they are trained on",
+                    folder,
                 )
             return scene
 
-        found = list(usable_scenes(paths, fitted, say))
+        found = list(usable_scenes(paths, fitted))
         self.scenes = [scene for _, scene in found]
         self._sizes = torch.tensor([scene.disparity.shape[-2:] for scene in self.scenes])
         names = [folder.name for folder, _ in found]

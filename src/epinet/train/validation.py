@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -72,16 +72,14 @@ class Validation:
         paths: Sequence[Path],
         views: int,
         trained_on: Sequence[Path] = (),
-        say: Callable[[str], None] = lambda line: None,
     ) -> Validation:
         """Scenes on disk.
 
         Args:
             paths: scenes, or folders of them. Of a folder, scenes that are trained on, have no
-                truth to score with or lack views are left out.
+                truth to score with or lack views are left out, and named in the log.
             views: rows and columns that the network sees.
             trained_on: scenes not to validate on.
-            say: told what is left out.
 
         Raises:
             InputError: scenes that cannot be read or share a name, and those that are left out of a
@@ -104,7 +102,7 @@ class Validation:
         scenes: dict[str, LightField] = {}
         problems = Problems()
         with problems.gather():
-            for folder, lf in usable_scenes(paths, judged, say):
+            for folder, lf in usable_scenes(paths, judged):
                 name = folder_name(folder)
                 if name in scenes:
                     problems.append(f"{folder}: another scene to validate on is named {name}")
