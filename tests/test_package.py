@@ -1,7 +1,10 @@
 """What is shipped: the wheel, and how good its weights are on a scene never trained on."""
 
+import ast
+import re
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -26,6 +29,25 @@ def test_the_wheel_carries_the_weights(tmp_path):
     assert "epinet/train/recipes/fast-9x9.yaml" in names
     assert "epinet/py.typed" in names
     assert not any(name.startswith("tests") for name in names)
+
+
+def test_what_is_imported_is_asked_for():
+    """By pyproject.toml; OpenCV, of which there are several packages, is for films alone."""
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = {re.match(r"[\w-]+", line)[0] for line in declared["dependencies"]}
+    others = {"PIL": "pillow", "yaml": "pyyaml", "fast_simplification": "fast-simplification"}
+    optional = {"cv2", "drjit", "mitsuba", "tensorboard"}
+    found = set()
+    for file in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                found.add((node.module or "").split(".")[0])
+            if isinstance(node, ast.Import) and any(a.name == "cv2" for a in node.names):
+                assert file.name == "wiggle.py"
+    found -= {"epinet", *sys.stdlib_module_names}
+    assert {others.get(name, name) for name in found - optional} == wanted
 
 
 @pytest.mark.parametrize("name", shipped_weights())

@@ -1,5 +1,7 @@
 """Fading by distance, and films read back by other readers."""
 
+import sys
+
 import cv2
 import numpy as np
 import pytest
@@ -62,6 +64,13 @@ def test_films_come_back(views_of, tmp_path):
     assert len(read) == 12
     height, width = read[0].shape[:2]
     assert np.abs(read[3].astype(int) - frames[3][:height, :width]).mean() < 12
+
+
+def test_mp4_without_opencv_is_refused_and_leaves_nothing(views_of, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(InputError, match=r"film\.mp4: MP4 is written by OpenCV.*pip install"):
+        write_film(tmp_path / "film.mp4", wiggle_frames(views_of(0.5), 0.5), 10)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_wiggle_needs_views_with_a_part_in_common(views_of):

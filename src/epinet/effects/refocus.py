@@ -16,11 +16,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
+from epinet.effects.sampling import sampled
 from epinet.errors import InputError
 from epinet.lightfield import LightField
 from epinet.srgb import to_light, to_samples
@@ -62,11 +62,10 @@ def refocus(
 
     def shown(light: NDArray[np.float32], step: tuple[float, float]) -> _Shown:
         place = _place(focus, step)
-        sharp = _sampled(light, place)
+        sharp = sampled(light, place.x, place.y)
         if step == (0, 0) and radius == 0:
             return sharp, place.inside
-        there = cv2.remap(_warped(disparity, step), place.x, place.y, cv2.INTER_NEAREST)
-        width = np.abs(there - focus)
+        width = np.abs(_nearest(_warped(disparity, step), place) - focus)
         wide = (width > 1)[..., None]
         return np.where(wide, _averaged(light, place, width), sharp), place.inside
 
@@ -82,7 +81,7 @@ def all_in_focus(
 
     def shown(light: NDArray[np.float32], step: tuple[float, float]) -> _Shown:
         place = _place(disparity, step)
-        return _sampled(light, place), place.inside & _visible(disparity, step)
+        return sampled(light, place.x, place.y), place.inside & _visible(disparity, step)
 
     return _added_up(lf, _reach(lf), shown, progress)
 
@@ -160,9 +159,12 @@ def _place(focus: NDArray[np.float32], step: tuple[float, float]) -> _Place:
     return _Place(x, y, (x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5))
 
 
-def _sampled(light: NDArray[np.float32], place: _Place) -> NDArray[np.float32]:
-    seen = cv2.remap(light, place.x, place.y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(seen, dtype=np.float32)
+def _nearest(values: NDArray[np.float32], place: _Place) -> NDArray[np.float32]:
+    """The values (H, W) of the pixels that the places lie in."""
+    height, width = values.shape
+    x = np.clip(np.rint(place.x).astype(np.int64), 0, width - 1)
+    y = np.clip(np.rint(place.y).astype(np.int64), 0, height - 1)
+    return values[y, x]
 
 
 def _averaged(
@@ -170,19 +172,17 @@ def _averaged(
 ) -> NDArray[np.float32]:
     """The mean of a view over a square of a width of its own for each place, from sums over all
     that lies above and to the left."""
-    sums = cv2.integral(light)
+    sums = np.pad(light.astype(np.float64), ((1, 0), (1, 0), (0, 0))).cumsum(0).cumsum(1)
     height_px, width_px = light.shape[:2]
 
     def ends(middle: NDArray[np.float32], size: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        # Steps of 1/32 px, those of cv2.remap: so the area is that of what is summed up.
-        low, high = (np.round(32 * (middle + 0.5 + s * width / 2)) / 32 for s in (-1, 1))
-        return np.clip(low, 0, size).astype(np.float32), np.clip(high, 0, size).astype(np.float32)
+        low, high = (middle.astype(np.float64) + 0.5 + s * width / 2 for s in (-1, 1))
+        return np.clip(low, 0, size), np.clip(high, 0, size)
 
     (left, right), (top, bottom) = ends(place.x, width_px), ends(place.y, height_px)
 
     def above_left(x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
-        found = cv2.remap(sums, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(found)
+        return sampled(sums, x, y, "bilinear")
 
     total = above_left(right, bottom) - above_left(left, bottom)
     total += above_left(left, top) - above_left(right, top)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from epinet.effects.sampling import sampled
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.lightfield import LightField
@@ -38,17 +38,10 @@ def wiggle_frames(lf: LightField, still_px: float) -> list[NDArray[np.uint8]]:
             f"held still at a disparity of {still_px:g} px, the views have no part in common; "
             "choose a disparity of the scene (--disparity)"
         )
+    y, x = np.mgrid[:height, left : width - right]
     there = []
     for col, shift in zip(cols, shifts, strict=True):
-        move = np.array([[1, 0, shift], [0, 1, 0]], np.float64)
-        view = cv2.warpAffine(
-            lf.rgb(row, int(col)),
-            move,
-            (width, height),
-            flags=cv2.INTER_CUBIC,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        cut = view[:, left : width - right]
+        cut = sampled(lf.rgb(row, int(col)), x - shift, y)
         there.append(np.round(255 * np.clip(cut, 0, 1)).astype(np.uint8))
     return [*there, *there[-2:0:-1]]
 
@@ -57,17 +50,25 @@ def check_suffix(path: Path) -> None:
     """Refuse, before any work, what cannot be written.
 
     Raises:
-        InputError: another ending.
+        InputError: another ending, or MP4 where OpenCV is not installed.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: a wiggle is written as {' or '.join(SUFFIXES)}")
+    if path.suffix.lower() == ".mp4":
+        try:
+            import cv2  # noqa: F401
+        except ImportError as error:
+            raise InputError(
+                f"{path}: MP4 is written by OpenCV, which is not installed: "
+                "pip install 'epinet[mp4]', or take .gif"
+            ) from error
 
 
 def write_film(path: str | Path, frames: Sequence[NDArray[np.uint8]], per_second: float) -> None:
     """Write frames as an endless GIF, or once as MP4 (MPEG-4 part 2), by the name's ending.
 
     Raises:
-        InputError: another ending, no encoder for MP4 here, or an unwritable path.
+        InputError: another ending, MP4 without OpenCV or its encoder, or an unwritable path.
     """
     path = Path(path)
     check_suffix(path)
@@ -78,15 +79,19 @@ def write_film(path: str | Path, frames: Sequence[NDArray[np.uint8]], per_second
                 temporary, save_all=True, append_images=rest, duration=1000 / per_second, loop=0
             )
         else:
-            _write_mp4(temporary, frames, per_second)
+            _write_mp4(path, temporary, frames, per_second)
 
 
-def _write_mp4(path: Path, frames: Sequence[NDArray[np.uint8]], per_second: float) -> None:
+def _write_mp4(
+    path: Path, temporary: Path, frames: Sequence[NDArray[np.uint8]], per_second: float
+) -> None:
+    import cv2
+
     height, width = (side // 2 * 2 for side in frames[0].shape[:2])  # the format wants them even
     code = cv2.VideoWriter.fourcc(*"mp4v")
-    film = cv2.VideoWriter(str(path), code, per_second, (width, height))
+    film = cv2.VideoWriter(str(temporary), code, per_second, (width, height))
     if not film.isOpened():
-        raise InputError(f"{path.name}: this OpenCV cannot write MP4; take .gif")
+        raise InputError(f"{path}: this OpenCV cannot write MP4; take .gif")
     for frame in frames:
         film.write(np.ascontiguousarray(frame[:height, :width, ::-1]))
     film.release()

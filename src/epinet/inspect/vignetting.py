@@ -6,9 +6,9 @@ rectification of the lenslets leaves black stays in place.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from epinet.angular import star_positions
 from epinet.lightfield import LightField
@@ -26,12 +26,12 @@ def black_corners(lf: LightField) -> NDArray[np.bool_]:
     Nothing is masked unless all four corners of the picture are black: a camera darkens all of
     them, a dark object in a corner is the scene's.
     """
-    black = np.ones(lf.size, np.uint8)
+    black = np.ones(lf.size, bool)
     for row, col in star_positions(lf.grid[0]):
         if lf.present[row, col]:
             samples = lf.unit(row, col).max(axis=2)
             black &= samples < BLACK * np.percentile(samples, BRIGHTEST_PERCENTILE)
-    _, numbers = cv2.connectedComponents(black, connectivity=4)
+    numbers, _ = label(black)
     corners = numbers[[0, 0, -1, -1], [0, -1, 0, -1]]
     sizes = np.bincount(numbers.ravel())[corners]
     if (corners == 0).any() or sizes.max() > LARGEST_SHARE * numbers.size:

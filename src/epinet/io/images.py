@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import struct
+import sys
+import zlib
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -35,6 +38,15 @@ _TIFF_PLANAR_CONFIGURATION = 284
 _TIFF_REDUCED = 1
 """Flag of a page that is a smaller version of another."""
 _MOST_PAGES = 64
+_RAW_MODES_OF_16 = {
+    "LA;16": "RGBA",
+    "RGB;16": "RGB;16{}",
+    "RGBA;16": "RGBA;16{}",
+    "RGBa;16": "RGBA;16{}",
+    "RGBX;16": "RGBX;16{}",
+}
+"""How Pillow is told to take samples of 16 bits, by how it would take them itself; both names are
+followed by the byte order."""
 _WHITE_IS_ZERO = 0
 _ORIENTATION = 274
 _TURNS: dict[int, tuple[bool, int]] = {
@@ -120,8 +132,6 @@ def write_png(path: str | Path, image: NDArray[Any]) -> None:
     Raises:
         InputError: another shape or type of array, or an unwritable path.
     """
-    import cv2
-
     if image.ndim == 2:
         image = image[..., None]
     if image.ndim != 3 or image.shape[2] not in (1, 3) or image.dtype not in (np.uint8, np.uint16):
@@ -129,9 +139,27 @@ def write_png(path: str | Path, image: NDArray[Any]) -> None:
             f"{path}: a PNG holds (H, W) or (H, W, 3) values of 8 or 16 bits, "
             f"not {image.shape} {image.dtype}"
         )
-    encoded = cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))[1]
     with atomic_path(path) as temporary:
-        temporary.write_bytes(encoded.tobytes())
+        temporary.write_bytes(_encode_png(image))
+
+
+def _encode_png(image: NDArray[Any]) -> bytes:
+    """The bytes of a PNG of (H, W, 1 or 3) uint8 or uint16 samples; Pillow writes no 16-bit colour.
+
+    Each row is stored less the one above (filter 2, "Up").
+    """
+    height, width, channels = image.shape
+    rows = np.ascontiguousarray(image.astype(image.dtype.newbyteorder(">"))).view(np.uint8)
+    rows = rows.reshape(height, -1)
+    filtered = np.full((height, 1 + rows.shape[1]), 2, np.uint8)
+    filtered[0, 1:], filtered[1:, 1:] = rows[0], rows[1:] - rows[:-1]
+    colour_type = {1: 0, 3: 2}[channels]
+    header = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, colour_type, 0, 0, 0)
+    chunks = {b"IHDR": header, b"IDAT": zlib.compress(filtered.tobytes(), 3), b"IEND": b""}
+    return _PNG_BEGINS + b"".join(
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        for kind, body in chunks.items()
+    )
 
 
 def _intact(path: Path, data: bytes) -> Image.Image:
@@ -237,7 +265,7 @@ def _pixels(path: Path, image: Image.Image, data: bytes) -> NDArray[Any]:
         raise InputError(f"{path}: 32 bits per pixel; 8 or 16 bit images are needed")
     gray = image.mode in ("1", "L", "LA", "La")
     if _bits_per_sample(image, data) == 16:
-        return _decode_16_bit(path, image, data, gray)
+        return _decode_16_bit(path, image, data)
     pixels = np.asarray(image.convert("L" if gray else "RGB"))
     return pixels[..., None] if gray else pixels
 
@@ -249,14 +277,36 @@ def _bits_per_sample(image: Image.Image, data: bytes) -> int:
     return max(bits)
 
 
-def _decode_16_bit(path: Path, image: Image.Image, data: bytes, gray: bool) -> NDArray[np.uint16]:
-    """Decode with OpenCV, because Pillow cuts 16-bit colour to 8 bits."""
-    import cv2
+def _decode_16_bit(path: Path, image: Image.Image, data: bytes) -> NDArray[np.uint16]:
+    """(H, W, 1 or 3) samples of 16 bits, of which Pillow keeps one byte in colour images.
 
+    Which byte it keeps depends on the byte order that it is told: the first of each sample where
+    that is big-endian, the second where it is little-endian. Decoding twice gives both.
+    """
     if getattr(image, "tag_v2", {}).get(_TIFF_PLANAR_CONFIGURATION) == 2:
         raise InputError(f"{path}: colours lie in separate planes; save it as PNG")
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if pixels is None or pixels.dtype != np.uint16 or pixels.ndim != 3:
+    first, raw_mode = _bytes_of_16(path, data, "B")
+    if raw_mode == "LA;16B":  # both bytes of both samples, as they lie
+        high, low = first[..., :1], first[..., 1:2]
+    else:
+        second, _ = _bytes_of_16(path, data, "L")
+        is_big = raw_mode[-1] == "B" or (raw_mode[-1] == "N" and sys.byteorder == "big")
+        high, low = (first, second) if is_big else (second, first)
+    return np.asarray(high[..., :3].astype(np.uint16) << 8 | low[..., :3], np.uint16)
+
+
+def _bytes_of_16(path: Path, data: bytes, order: str) -> tuple[NDArray[np.uint8], str]:
+    """(H, W, C) bytes that Pillow keeps of samples of 16 bits when it is told a byte order, "B" or
+    "L"; and its own name of how the samples lie, which ends in their byte order: "N" is the
+    machine's, into which libtiff brings them."""
+    image: Any = Image.open(io.BytesIO(_without_unused(data)), formats=_FORMATS)
+    in_png = image.format == "PNG"
+    raw_modes = {tile.args if in_png else tile.args[0] for tile in image.tile}
+    raw_mode = raw_modes.pop()
+    if raw_modes or raw_mode[:-1] not in _RAW_MODES_OF_16:
         raise InputError(f"{path}: this kind of 16-bit image cannot be read; save it as PNG")
-    rgb = pixels[..., 2::-1]
-    return np.ascontiguousarray(rgb[..., :1] if gray else rgb)
+    told = _RAW_MODES_OF_16[raw_mode[:-1]].format(order)
+    image.tile = [
+        tile._replace(args=told if in_png else (told, *tile.args[1:])) for tile in image.tile
+    ]
+    return np.asarray(image), raw_mode

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import correlate1d, uniform_filter
 
 from epinet.errors import InputError
 from epinet.raw.bayer import Image
@@ -134,12 +135,11 @@ def _evened(image: Image, pitch_px: float) -> Image:
 
     The mosaic's colours are averaged away first, which does not shift the image.
     """
-    import cv2
-
-    kernel = np.array([0.25, 0.5, 0.25], np.float32)
-    even = np.asarray(cv2.sepFilter2D(image, -1, kernel, kernel), np.float32)
-    side = 2 * round(pitch_px) + 1
-    even /= np.maximum(cv2.blur(even, (side, side)), np.float32(1e-3))
+    even = np.asarray(image, np.float32)
+    for axis in (0, 1):
+        even = correlate1d(even, np.array([0.25, 0.5, 0.25]), axis, mode="mirror")
+    brightness = uniform_filter(even, 2 * round(pitch_px) + 1, mode="mirror")
+    even /= np.maximum(brightness, np.float32(1e-3))
     return np.clip(even, 0, 1, out=even)
 
 

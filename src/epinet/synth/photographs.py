@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -91,8 +92,6 @@ class Photographs:
 
 
 def _read_reduced(file: Path, longest_px: int) -> Tensor:
-    import cv2
-
     pixels = read_image(file)
     if pixels.dtype == np.uint16:
         pixels = (pixels / 257).round().astype(np.uint8)
@@ -101,8 +100,26 @@ def _read_reduced(file: Path, longest_px: int) -> Tensor:
         raise InputError(f"{file}: too small")
     shrink = longest_px / max(height, width)
     if shrink < 1:
-        size = max(1, round(width * shrink)), max(1, round(height * shrink))
-        pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
-    image = torch.from_numpy(np.array(pixels))
-    image = image.reshape(*image.shape[:2], -1).permute(2, 0, 1)
+        means = pixels.astype(np.float32)
+        for axis, side in enumerate((height, width)):
+            means = _area_means(means, axis, max(1, round(side * shrink)))
+        pixels = means.round().astype(np.uint8)
+    image = torch.from_numpy(np.array(pixels)).permute(2, 0, 1)
     return image.expand(3, -1, -1).contiguous()
+
+
+def _area_means(image: NDArray[np.float32], axis: int, count: int) -> NDArray[np.float32]:
+    """An image cut into equal parts along an axis, and the mean of each, by the areas of its pixels
+    in it.
+
+    Example:
+        >>> _area_means(np.array([0, 3, 9], np.float32), 0, 2).tolist()
+        [1.0, 7.0]
+    """
+    values = np.moveaxis(image, axis, 0).astype(np.float64)
+    edges = np.linspace(0, len(values), count + 1)
+    whole = np.minimum(edges.astype(int), len(values) - 1)
+    rest = (edges - whole).reshape(-1, *[1] * (values.ndim - 1))
+    sums = np.concatenate([np.zeros_like(values[:1]), values.cumsum(0)])
+    means = np.diff(sums[whole] + rest * values[whole], axis=0) * (count / len(values))
+    return np.asarray(np.moveaxis(means, 0, axis), np.float32)
