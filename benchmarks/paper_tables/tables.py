@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import statistics
 import warnings
 from collections.abc import Mapping, Sequence
@@ -10,6 +9,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from scipy import stats
+
+from epinet.benchmark import latex
 
 Values = Sequence[float]
 
@@ -106,23 +107,8 @@ class Table:
         return f"### {self.title}\n\n{self.note()}\n\n{body}\n"
 
     def latex(self) -> str:
-        lines = [" & ".join(map(_escaped, line)) + r" \\" for line in (self.head(), *self.cells())]
-        columns = "l" + "r" * (len(self.head()) - 1)
-        return "\n".join(
-            [
-                r"\begin{table}",
-                rf"\caption{{{_escaped(self.title)}. {_escaped(self.note())}}}",
-                rf"\begin{{tabular}}{{{columns}}}",
-                r"\hline",
-                lines[0],
-                r"\hline",
-                *lines[1:],
-                r"\hline",
-                r"\end{tabular}",
-                r"\end{table}",
-                "",
-            ]
-        )
+        rows = [list(map(latex.escaped, line)) for line in (self.head(), *self.cells())]
+        return latex.table(f"{self.title}. {self.note()}", rows)
 
     def note(self) -> str:
         """The scale, and how to read the verdicts."""
@@ -139,10 +125,3 @@ class Table:
 def _figures(value: float, significant: int) -> str:
     """So many significant figures, never with an exponent where they fit."""
     return f"{float(f'{value:.{significant}g}'):g}"
-
-
-def _escaped(text: str) -> str:
-    text = re.sub("`([^`]*)`", lambda code: rf"\\texttt{{{code[1].replace('--', '-{}-')}}}", text)
-    for plain, escaped in (("%", r"\%"), ("_", r"\_"), ("±", r"$\pm$"), ("&", r"\&")):
-        text = text.replace(plain, escaped)
-    return text

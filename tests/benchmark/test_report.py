@@ -12,10 +12,18 @@ import pytest
 from PIL import Image
 
 from epinet.benchmark import pictures
+from epinet.benchmark.latex import as_latex
 from epinet.benchmark.page import render
 from epinet.benchmark.report import write_report
 from epinet.benchmark.standing import accuracy_and_time, caveats, ranking, run_times
-from epinet.benchmark.table import as_csv, as_json, score_tables, score_text, text_tables
+from epinet.benchmark.table import (
+    as_csv,
+    as_json,
+    score_tables,
+    score_text,
+    scored_metrics,
+    text_tables,
+)
 
 SIZE = (40, 48)
 RNG = np.random.default_rng(0)
@@ -219,11 +227,41 @@ def test_other_scenes_are_ranked_among_the_given(evaluation):
     ]
 
 
-def test_a_report_is_three_files(evaluation, tmp_path):
+def test_a_report_is_a_page_tables_and_figures(evaluation, tmp_path):
     page = write_report(evaluation, tmp_path / "out")
     assert page.read_text(encoding="utf-8") == render(evaluation)
     names = {path.name for path in page.parent.iterdir()}
-    assert names == {"report.html", "scores.csv", "scores.json"}
+    assert names == {"figures", "report.html", "scores.csv", "scores.json", "scores.tex"}
+    figures = {path.name: path for path in (page.parent / "figures").iterdir()}
+    maps = {
+        f"{s}_{m}_{kind}.png"
+        for s in ("a", "b & c")
+        for m in ("ours", "<theirs>")
+        for kind in ("map", "error")
+    }
+    assert set(figures) == maps | {"accuracy.pdf", "ranks.pdf", "run_times.pdf"}
+    assert figures["ranks.pdf"].read_bytes().startswith(b"%PDF")
+    assert Image.open(figures["a_ours_map.png"]).size == SIZE[::-1]
+
+
+def test_latex_has_every_score_and_the_lowest_of_a_scene_is_bold(evaluation):
+    text = as_latex(evaluation)
+    for name, count in ((r"\begin{table}", 1), (r"\end{table}", 1), (r"\begin{tabular}", 1)):
+        assert text.count(name) == count * len(scored_metrics(evaluation))
+    assert r"b \& c" in text and r"\textless{}theirs\textgreater{}" in text and "\\% " not in text
+    table = text.split("MSE x100")[1].split(r"\end{tabular}")[0]
+    ours, theirs = table.splitlines()[-4:-2] if "mean" in table else table.splitlines()[-3:-1]
+    assert ours.count(r"\textbf{") == 2 or theirs.count(r"\textbf{") == 2
+    for (method, scene, id_), score in evaluation.scores.items():
+        assert score.value is None or score_text(score.value) in text, (method, scene, id_)
+    for line in text.splitlines():
+        assert line.count("{") == line.count("}")
+
+
+def test_no_line_on_a_terminal_is_wider_than_a_hundred_characters(evaluation):
+    lines = text_tables(evaluation)
+    assert max(map(len, lines)) <= 100
+    assert sum(line.startswith("scene ") for line in lines) > 1, "more than one table is needed"
 
 
 def test_means_over_other_scenes_say_so_and_do_not_win(add_scene, evaluated):

@@ -1,10 +1,10 @@
-"""The paper's figures of accuracy, rank and run time, as SVG to stand inside a page."""
+"""The paper's figures of accuracy, rank and run time, as SVG to stand inside a page, or as PDF."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -15,6 +15,16 @@ from matplotlib.transforms import Bbox
 from epinet.benchmark.standing import Point, Ranking
 from epinet.benchmark.table import score_text
 from epinet.predict.pictures import drawable
+
+
+class Drawn(NamedTuple):
+    """A figure in two formats."""
+
+    svg: str
+    """To stand inside a page."""
+    pdf: bytes
+    """A file of its own, for a paper."""
+
 
 OURS, THEIRS = "#c2410c", "#64748b"
 LETTER_PX = 6.4
@@ -40,7 +50,7 @@ _STYLE: dict[Any, Any] = {
 
 def accuracy_against_time(
     panels: Sequence[tuple[str, Sequence[Point]]], *, comparable: bool
-) -> str:
+) -> Drawn:
     """The paper's figure 1: a panel for each metric, run time on a logarithmic axis.
 
     Args:
@@ -73,10 +83,10 @@ def accuracy_against_time(
         figure.set_layout_engine("none")
         for axes, (_, points) in zip(row, panels, strict=True):
             _label_points(axes, points)
-        return _svg(figure)
+        return _drawn(figure)
 
 
-def ranks(rankings: Sequence[Ranking], names: dict[str, str]) -> str:
+def ranks(rankings: Sequence[Ranking], names: dict[str, str]) -> Drawn:
     """The paper's figure 7: the methods by their means, a panel for each metric.
 
     Args:
@@ -91,10 +101,10 @@ def ranks(rankings: Sequence[Ranking], names: dict[str, str]) -> str:
             bars = [(row.method, row.ours, row.mean) for row in ranking.rows]
             _bars(axes, bars, most)
             axes.set_title(names[ranking.metric], loc="left")
-        return _svg(figure)
+        return _drawn(figure)
 
 
-def run_time_bars(times: Sequence[tuple[str, bool, float]]) -> str:
+def run_time_bars(times: Sequence[tuple[str, bool, float]]) -> Drawn:
     """The paper's figure 8: (method, scored here, seconds) on a logarithmic axis."""
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(4.4, max(3.7, 0.3 * len(times) + 0.9)), layout="constrained")
@@ -102,7 +112,7 @@ def run_time_bars(times: Sequence[tuple[str, bool, float]]) -> str:
         _bars(axes, times, len(times))
         _seconds_axis(axes, [seconds for *_, seconds in times])
         axes.set_xlabel("run time (s)")
-        return _svg(figure)
+        return _drawn(figure)
 
 
 def _seconds_axis(axes: Axes, seconds: Sequence[float]) -> None:
@@ -175,8 +185,9 @@ def _label_points(axes: Axes, points: Sequence[Point]) -> None:
         )
 
 
-def _svg(figure: Figure) -> str:
-    out = io.StringIO()
-    figure.savefig(out, format="svg", transparent=True, metadata={"Date": None})
-    text = out.getvalue()
-    return text[text.index("<svg") :]
+def _drawn(figure: Figure) -> Drawn:
+    svg, pdf = io.StringIO(), io.BytesIO()
+    figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None})
+    figure.savefig(pdf, format="pdf", transparent=True, metadata={"CreationDate": None})
+    text = svg.getvalue()
+    return Drawn(text[text.index("<svg") :], pdf.getvalue())

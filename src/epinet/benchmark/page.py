@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
 from string import Template
@@ -41,16 +41,21 @@ OFFICIAL = (
 )
 
 
-def render(evaluation: Evaluation) -> str:
+def render(evaluation: Evaluation, drawn: Mapping[str, figures.Drawn] | None = None) -> str:
     """The whole page, pictures and all.
+
+    Args:
+        evaluation: what to show.
+        drawn: its figures, where they are drawn already.
 
     Raises:
         InputError: a scene's centre view cannot be read.
     """
+    drawn = drawn_figures(evaluation) if drawn is None else drawn
     sections = {
         "Means": ("means", _means(evaluation)),
-        "Accuracy and run time": ("time", _accuracy_and_time(evaluation)),
-        "Ranking": ("ranking", _ranking(evaluation)),
+        "Accuracy and run time": ("time", _accuracy_and_time(evaluation, drawn)),
+        "Ranking": ("ranking", _ranking(evaluation, drawn)),
         "Maps side by side": ("overview", scene_cards.overview(evaluation)),
         "Scenes": ("scenes", scene_cards.legend(evaluation)),
         "All scores": ("scores", _all_scores(evaluation)),
@@ -110,14 +115,26 @@ def _comparable_means(evaluation: Evaluation, metric: Metric) -> list[float | No
     ]
 
 
-def _accuracy_and_time(evaluation: Evaluation) -> str:
-    common = common_scenes(evaluation)
+def drawn_figures(evaluation: Evaluation) -> dict[str, figures.Drawn]:
+    """The paper's figures 1, 7 and 8, as far as there is something to draw, by name."""
     panels = [
         (f"{metric.name} ({metric.unit})", accuracy_and_time(evaluation, metric.id))
         for metric in map(evaluation.metric, ("badpix_0.07", "mse_x100"))
         if metric is not None
     ]
     panels = [(name, points) for name, points in panels if points]
+    drawn = {"run_times": figures.run_time_bars(run_times(evaluation))}
+    if panels:
+        comparable = bool(common_scenes(evaluation))
+        drawn["accuracy"] = figures.accuracy_against_time(panels, comparable=comparable)
+    if found := rankings(evaluation):
+        names = {metric.id: metric.name for metric in evaluation.metrics}
+        drawn["ranks"] = figures.ranks(found, names)
+    return drawn
+
+
+def _accuracy_and_time(evaluation: Evaluation, drawn: Mapping[str, figures.Drawn]) -> str:
+    common = common_scenes(evaluation)
     if common:
         over = f"Means over {', '.join(common)}."
     else:
@@ -127,8 +144,8 @@ def _accuracy_and_time(evaluation: Evaluation) -> str:
             "heights compare only among the filled or among the hollow."
         )
     over += " Methods without an estimate of all pixels, or a run time of all scenes, are left out."
-    first = figures.accuracy_against_time(panels, comparable=bool(common)) if panels else ""
-    second = figures.run_time_bars(run_times(evaluation))
+    first = drawn["accuracy"].svg if "accuracy" in drawn else ""
+    second = drawn["run_times"].svg
     return (
         f'<p>{OFFICIAL}</p><div class="figures"><figure>{first}</figure>'
         f"<figure>{second}</figure></div><p>Left, accuracy against run time (the paper's figure "
@@ -136,7 +153,7 @@ def _accuracy_and_time(evaluation: Evaluation) -> str:
     )
 
 
-def _ranking(evaluation: Evaluation) -> str:
+def _ranking(evaluation: Evaluation, drawn: Mapping[str, figures.Drawn]) -> str:
     found = rankings(evaluation)
     common = common_scenes(evaluation)
     names = {metric.id: metric.name for metric in evaluation.metrics}
@@ -155,7 +172,7 @@ def _ranking(evaluation: Evaluation) -> str:
             f"{rest}.</p>"
         )
     if found:
-        parts.append(f"<figure>{figures.ranks(found, names)}")
+        parts.append(f"<figure>{drawn['ranks'].svg}")
         parts.append("<figcaption>Ranking (the paper's figure 7), means.</figcaption></figure>")
     if common:
         tables = [_ranking_table(each, names[each.metric]) for each in found]

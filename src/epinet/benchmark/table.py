@@ -7,6 +7,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any
 
 from epinet import __version__
@@ -15,6 +16,8 @@ from epinet.metrics.metric import Metric
 
 COLUMNS = 9
 """Metrics side by side; more go into a table below."""
+WIDEST = 100
+"""Characters of a line on a terminal, as long as names leave room for one metric."""
 OTHER_TRUTH = "*"
 """Marks a score whose truth is of another resolution than the benchmark's."""
 HIGH_TRUTH = "^"
@@ -37,22 +40,29 @@ class Table:
 
 def score_tables(evaluation: Evaluation) -> list[Table]:
     """Every score that there is, by scene and method, and the means over scenes."""
-    metrics = [m for m in evaluation.metrics if _any_value(evaluation, m)]
+    metrics = scored_metrics(evaluation)
     chunks = [tuple(metrics[i : i + COLUMNS]) for i in range(0, len(metrics), COLUMNS)]
     return [Table(chunk, tuple(_rows(evaluation, chunk))) for chunk in chunks]
 
 
 def text_tables(evaluation: Evaluation) -> list[str]:
-    """The tables as lines that are never cut."""
+    """The tables as lines that are never cut, as many metrics in each as fit into `WIDEST`."""
     lines: list[str] = []
-    for t in score_tables(evaluation):
-        lines += _aligned([t.header, ("", "", *(m.unit for m in t.metrics)), *t.rows])
-        lines.append("")
+    metrics = tuple(scored_metrics(evaluation))
+    while metrics:
+        for count in range(min(COLUMNS, len(metrics)), 0, -1):
+            table = Table(metrics[:count], tuple(_rows(evaluation, metrics[:count])))
+            units = ("", "", *(metric.unit for metric in table.metrics))
+            text = _aligned([table.header, units, *table.rows])
+            if max(map(len, text)) <= WIDEST:
+                break
+        lines += [*text, ""]
+        metrics = metrics[count:]
     remark = (
         f"Border left out: {evaluation.border_px} px. Lower is better. {truths_used(evaluation)} "
-        f"{ranges_used(evaluation)}"
+        f"{ranges_used(evaluation)}{partial_means(evaluation)}"
     )
-    return [*lines, f"{remark}{partial_means(evaluation)}"]
+    return [*lines, *wrap(remark, WIDEST, break_long_words=False)]
 
 
 def partial_means(evaluation: Evaluation) -> str:
@@ -145,12 +155,10 @@ def score_text(value: float | None) -> str:
     return f"{value:.3f}" if abs(value) >= 0.01 else f"{value:.5f}"
 
 
-def _any_value(evaluation: Evaluation, metric: Metric) -> bool:
-    return any(
-        score.value is not None
-        for (*_, id_), score in evaluation.scores.items()
-        if id_ == metric.id
-    )
+def scored_metrics(evaluation: Evaluation) -> list[Metric]:
+    """The metrics that there is any score of."""
+    scored = {id_ for (*_, id_), score in evaluation.scores.items() if score.value is not None}
+    return [metric for metric in evaluation.metrics if metric.id in scored]
 
 
 def _rows(evaluation: Evaluation, metrics: Sequence[Metric]) -> list[tuple[str, ...]]:
@@ -160,7 +168,7 @@ def _rows(evaluation: Evaluation, metrics: Sequence[Metric]) -> list[tuple[str, 
         for method in evaluation.methods:
             scores = [evaluation.scores[method.name, scene.name, m.id] for m in metrics]
             if any(score.value is not None for score in scores):
-                rows.append((scene.name, method.name, *map(_marked, scores)))
+                rows.append((scene.name, method.name, *map(marked, scores)))
     if len({scene for scene, *_ in rows}) > 1:
         for method in evaluation.methods:
             means = [mean_text(evaluation, method, metric) for metric in metrics]
@@ -176,7 +184,8 @@ def mean_text(evaluation: Evaluation, method: Method, metric: Metric) -> str:
     return score_text(mean) + mark + over
 
 
-def _marked(score: Score) -> str:
+def marked(score: Score) -> str:
+    """A score, marked where its truth is of high resolution, or not of the site's."""
     if score.value is None:
         return ABSENT
     mark = HIGH_TRUTH if score.truth == "high" else "" if score.official else OTHER_TRUTH

@@ -33,7 +33,7 @@ def evaluate(
         typer.Option(
             "--output",
             "-o",
-            help="Folder for report.html, scores.csv and scores.json, and for a model's maps.",
+            help="Folder for report.html, CSV, JSON and LaTeX tables, figures, and a model's maps.",
         ),
     ] = None,
     scene: Annotated[
