@@ -8,9 +8,10 @@ that a mapping holds twice is refused, since only one of the values could be mea
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import fields, is_dataclass
 from reprlib import Repr
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -56,13 +57,13 @@ def validated(model: type[Model], value: Any, where: object) -> Model:
     try:
         return model.model_validate(value)
     except ValidationError as error:
-        raise InputError(problems_of(error, where)) from error
+        raise InputError(problems_of(error, where, model)) from error
 
 
-def problems_of(error: ValidationError, where: object) -> list[str]:
-    """What a model refuses, a line each, with file and key."""
+def problems_of(error: ValidationError, where: object, model: Any) -> list[str]:
+    """What a model refuses, a line each, with file and key; of an unknown key, those known."""
     errors = error.errors(include_url=False)
-    lines = [f"{where}: {_text(e)}" for e in errors[:_PROBLEMS]]
+    lines = [f"{where}: {_text(e, model)}" for e in errors[:_PROBLEMS]]
     more = len(errors) - _PROBLEMS
     return [*lines, f"{where}: and {more} more problems"] if more > 0 else lines
 
@@ -72,15 +73,33 @@ def short(value: object) -> str:
     return _SHORT.repr(value)
 
 
-def _text(error: Any) -> str:
+def _text(error: Any, model: Any) -> str:
     key = ".".join(short(part).strip("'") for part in error["loc"])
     if error["type"] == "missing":
         return f"{key} is missing"
-    if error["type"] == "extra_forbidden":
-        return f"{key} is not known"
+    if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        known = ", ".join(_fields_at(model, error["loc"][:-1]))
+        return f"{key} is not known; there are {known}"
     message = error["msg"].removeprefix("Value error, ")
     given = "" if isinstance(error["input"], dict) else f", not {short(error['input'])}"
     return f"{key}: {message}{given}" if key else f"{message}{given}"
+
+
+def _fields_at(model: Any, keys: Sequence[Any]) -> list[str]:
+    """The names of the fields that a model has at the end of a way of keys and indices."""
+    for key in keys:
+        model = _fields(model).get(key, model)
+    return list(_fields(model))
+
+
+def _fields(annotation: Any) -> dict[str, Any]:
+    """The types of a model's fields by name; of a type as tuple[Model, ...], its model's."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {name: field.annotation for name, field in annotation.model_fields.items()}
+    if is_dataclass(annotation):
+        types = get_type_hints(annotation)
+        return {field.name: types[field.name] for field in fields(annotation)}
+    return next(filter(None, map(_fields, get_args(annotation))), {})
 
 
 def _parsed(

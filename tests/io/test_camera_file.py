@@ -74,7 +74,7 @@ def test_a_camera_of_other_views_is_refused():
     [
         ({"baseline_mm": 0}, "baseline_mm: Input should be greater than 0, not 0"),
         ({"baseline_mm": "wide", "fov_deg": 180}, "fov_deg.*\n.*baseline_mm"),
-        ({"baselin_mm": 3}, "baselin_mm is not known; a camera is described by focal_length_mm"),
+        ({"baselin_mm": 3}, "baselin_mm is not known; there are focal_length_mm"),
         ({"fov_deg": 40, "sensor_size_mm": 36}, "either the field of view or"),
         ({"baseline_mm": 4, "baseline_focal_mm_px": 36}, "either baseline_mm or"),
         ({"focus_distance_mm": 0}, "focus distance must be a number other than 0"),

@@ -119,7 +119,20 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "found"),
     [
-        (["bach=4"], "bach"),
+        (
+            ["bach=4"],
+            "bach is not known; there are name, about, model, .*, validate_every$",
+        ),
+        (["model=net"], "model: there are .*sweepnet.*, not net"),
+        (["decay=linear"], "decay: .*'constant', 'exponential' or 'cosine'"),
+        (
+            ["model=sweepnet", "start=own", "patch_px=2", "shape={depth: 3}"],
+            "shape: depth is not known; there are spacing_px, .*, half, full",
+        ),
+        (
+            ["model=sweepnet", "start=own", "patch_px=2", "shape={half: {width: 3}}"],
+            "shape: half.width is not known; there are ",
+        ),
         (["batch=0"], "batch: .*greater than or equal to 1.*not 0"),
         (["batch=16", "shards=3"], "a batch of 16 cannot be split in 3 shards"),
         (["views=4"], r"views must be one of \(3, 5, 7, 9\), not 4"),
@@ -127,17 +140,28 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
         (["optimiser=sgd"], "optimiser: .*'rmsprop', 'adamw' or 'muon'"),
         (["learning_rate=-1"], "learning_rate"),
         (["final_learning_rate=1"], "final_learning_rate is greater"),
-        (["data=[{generator: huge}]"], "data.0.generator"),
+        (["data=[{generator: huge}]"], "data.0.generator: .*'narrow', 'hci' or 'wide', not 'huge'"),
         (["data=[{share: 1}]"], "data.0: give either generator or folder"),
         (["data=[]"], "at least one source"),
         (["data=[{generator: hci, options: {thin: 2}}]"], "data.0: options: thin is a share of 0"),
-        (["data=[{generator: hci, options: {thick: 2}}]"], "data.0: options: .*thick"),
+        (
+            ["data=[{generator: hci, options: {thick: 2}}]"],
+            "options: thick is not known; there are size",
+        ),
+        (
+            ["data=[{generator: hci, folders: x}]"],
+            "folders is not known; there are generator,",
+        ),
+        (["data=[{generator: hci, options: {gloss: high}}]"], "options: gloss: Input should be"),
         (["data=[{folder: x, options: {thin: 0.1}}]"], "options are the generator's"),
         (["data=[{generator: hci, options: {size: [9, 9]}}]"], "options: size cannot be chosen"),
         (["data=[{generator: hci, options: {held_out: true}}]"], "held_out cannot be chosen"),
         (["data=[{generator: hci, options: {surfaces: 3}}]"], "data.0: options: "),
         (["data=[{generator: hci, options: {faults: {noise: -1}}}]"], "the strength of noise"),
-        (["data=[{generator: hci, options: {faults: {dust: 1}}}]"], "data.0: options: .*dust"),
+        (
+            ["data=[{generator: hci, options: {faults: {dust: 1}}}]"],
+            "faults.dust is not known; there",
+        ),
         (["data=[{generator: hci, disparity_px: [-1, 1]}]"], "disparity_px is a folder's"),
         (["data=[{folder: x, disparity_px: [1, -1]}]"], "disparity_px: the range is empty"),
         (["learning_rate=.inf"], "learning_rate: Input should be a finite number"),

@@ -12,17 +12,16 @@ and flags of a command may give the rest.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from epinet.camera import Camera
-from epinet.documents import JSON_BYTES, parse_json, parse_yaml, problems_of
+from epinet.documents import JSON_BYTES, parse_json, parse_yaml, validated
 from epinet.errors import InputError
 from epinet.io.atomic import atomic_path
 from epinet.io.parameters import read_parameters
@@ -202,13 +201,7 @@ def camera_facts(values: Mapping[str, Any], origin: object) -> CameraFacts:
     Raises:
         InputError: each value that cannot be, naming `origin`.
     """
-    try:
-        return CameraFacts.model_validate(values)
-    except ValidationError as error:
-        names = ", ".join(CameraFacts.model_fields)
-        described = f"is not known; a camera is described by {names}"
-        problems = problems_of(error, origin)
-        raise InputError([re.sub("is not known$", described, p) for p in problems]) from error
+    return validated(CameraFacts, values, origin)
 
 
 def read_camera(path: str | Path) -> CameraFacts:

@@ -229,7 +229,7 @@ def _network(header: _Header, tensors: Mapping[str, Tensor], file: Path) -> Netw
             parse_json(header.config, f"{file}, its configuration")
         )
     except ValidationError as error:
-        raise InputError(problems_of(error, f"{file}, its configuration")) from error
+        raise InputError(problems_of(error, f"{file}, its configuration", kind.Config)) from error
     check_tensors(tensors, lambda: kind(config), "its configuration", file)
     net = kind(config)
     net.load_state_dict({n: t.float() if t.is_floating_point() else t for n, t in tensors.items()})

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 from epinet.errors import InputError
 
@@ -22,6 +22,8 @@ RANGES_PX: Mapping[str, tuple[float, float]] = MappingProxyType(
 @dataclass(frozen=True)
 class Faults:
     """Strengths of what a real camera does to the views."""
+
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     blur: float = 1.0
     defocus: float = 1.0
@@ -70,6 +72,8 @@ LATER = ("gloss", "near_lamps")
 @dataclass(frozen=True)
 class Options:
     """Everything but the seed that decides which scenes are drawn."""
+
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     size: tuple[int, int] = (512, 512)
     """(height, width) of a view in px."""

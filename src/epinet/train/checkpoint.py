@@ -87,7 +87,8 @@ def continuing(
     except InputError:
         raise
     except Exception as error:  # a damaged file makes torch raise anything
-        said = problems_of(error, "it")[0] if isinstance(error, ValidationError) else str(error)
+        is_other = isinstance(error, ValidationError)
+        said = problems_of(error, "it", _Written)[0] if is_other else str(error)
         why = " ".join(said.split()) or type(error).__name__
         raise InputError(
             f"{path}: not a checkpoint that can be continued "

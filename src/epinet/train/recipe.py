@@ -13,17 +13,17 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    TypeAdapter,
     ValidationError,
     create_model,
     model_validator,
 )
 
 from epinet.documents import problems_of
-from epinet.errors import InputError
 from epinet.networks.base import Network, Settings
 from epinet.networks.registry import OURS, network_type
 from epinet.synth.generator import VERSION
-from epinet.synth.options import RANGES_PX, Faults, Options
+from epinet.synth.options import RANGES_PX, Options
 from epinet.train.augment import AUGMENTATIONS, Augmentation, Scale, SignReversal, ViewShift
 
 RESERVED = frozenset({"size", "views", "disparity_px", "held_out"})
@@ -41,7 +41,7 @@ class _Model(BaseModel):
 class Data(_Model):
     """One source of scenes: the generator, or a folder."""
 
-    generator: Annotated[str, Field(pattern=f"^({'|'.join(RANGES_PX)})$")] | None = None
+    generator: Literal["narrow", "hci", "wide"] | None = None
     """Scenes of this range of disparities, rendered as they are needed."""
     options: Mapping[str, Any] = {}
     """What else to change of them, see `epinet.synth.options`."""
@@ -71,19 +71,15 @@ class Data(_Model):
                 )
             try:
                 self.rendered()
-            except (InputError, TypeError) as error:
-                raise ValueError(f"options: {error}") from error
+            except ValidationError as error:
+                raise ValueError("; ".join(problems_of(error, "options", Options))) from error
         return self
 
     def rendered(self) -> Options:
         """Of the scenes to render, but for their size and views."""
         assert self.generator is not None
-        values: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in self.options.items()
-        }
-        faults = Faults(**values.pop("faults", {}))
-        return Options(disparity_px=RANGES_PX[self.generator], faults=faults, **values)
+        values = {"disparity_px": RANGES_PX[self.generator], **self.options}
+        return TypeAdapter(Options).validate_python(values)
 
     @property
     def bounds_px(self) -> tuple[float, float] | None:
@@ -223,7 +219,7 @@ class Recipe(Settings):
             with torch.device("meta"):  # no memory, and no random numbers
                 net = self.network()
         except ValidationError as error:
-            raise ValueError("; ".join(problems_of(error, "shape"))) from error
+            raise ValueError("; ".join(problems_of(error, "shape", self.kind.Config))) from error
         if self.views not in net.views:
             raise ValueError(f"views: {self.model} takes {net.views}, not {self.views}")
         if self.fewer_views and len(net.views) == 1:

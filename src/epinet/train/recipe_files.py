@@ -24,7 +24,7 @@ from epinet.io.problems import parsing
 from epinet.reading import read_bytes
 from epinet.synth.options import RANGES_PX
 from epinet.train.augment import AUGMENTATIONS
-from epinet.train.recipe import Recipe
+from epinet.train.recipe import PAPER, Recipe, recipe_type
 
 SUFFIX = ".yaml"
 _MOST_BASES = 16
@@ -46,7 +46,9 @@ def load_recipe(name: str, changes: Mapping[str, Any] | None = None) -> Recipe:
     try:
         return Recipe.of(values)
     except ValidationError as error:
-        raise InputError(problems_of(error, f"recipe {name}")) from error
+        model = values.get("model", PAPER)
+        known = recipe_type(model if isinstance(model, str) else PAPER)
+        raise InputError(problems_of(error, f"recipe {name}", known)) from error
 
 
 def parse_changes(texts: Sequence[str]) -> dict[str, Any]:
