@@ -24,7 +24,7 @@ def train(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the run.")],
     recipe: Annotated[
         str, typer.Option(help="Name of a shipped recipe (--list), or a YAML file.")
-    ] = "fast-9x9",
+    ] = "sweepnet",
     data: Annotated[
         list[str] | None,
         typer.Option(

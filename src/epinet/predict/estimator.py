@@ -169,7 +169,7 @@ class Estimator:
                 "range_px": known_px and [round(scale * bound / larger, 2) for bound in known_px],
                 "stated_px": stated_px and list(stated_px),
             },
-            weights={"file": weights.source} | weights.metadata | {"file": weights.source},
+            weights={"file": weights.source, "model": weights.model, "sha256": weights.sha256},
             seconds={
                 "align": prepared - start,
                 "prepare": map_.begun - prepared,

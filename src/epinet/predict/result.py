@@ -34,6 +34,8 @@ FILES = frozenset(
     }
 )
 """What a result folder holds."""
+EXPECTED_ERROR = "expected_error.pfm"
+"""What it holds where the network predicts its error."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,8 @@ class Result:
         """Write the result folder; an existing one is replaced only once all is written.
 
         Holds disparity.pfm and disparity.npy (the map), disparity.png (in colour, with a bar),
-        confidence.png (16-bit, 65535 is 1), centre.png, preview.png and run.json.
+        confidence.png (16-bit, 65535 is 1), centre.png, preview.png and run.json; and where the
+        network predicts its error expected_error.pfm, in px per adjacent view.
 
         Raises:
             InputError: the folder cannot be written, or holds something else than a result.
@@ -130,13 +133,15 @@ class Result:
             np.save(out / "disparity.npy", self.disparity)
             pictures.save_disparity(out / "disparity.png", self.disparity)
             write_png(out / "confidence.png", np.round(65535 * self.confidence).astype(np.uint16))
+            if self.expected_error is not None:
+                write_pfm(out / EXPECTED_ERROR, self.expected_error)
             write_png(out / "centre.png", self.centre_view)
             pictures.save_preview(out / "preview.png", self)
             (out / "run.json").write_text(json.dumps(self.describe(), indent=1) + "\n")
         return Path(folder)
 
 
-def check_replaceable(folder: Path, ours: frozenset[str] = FILES) -> None:
+def check_replaceable(folder: Path, ours: frozenset[str] = FILES | {EXPECTED_ERROR}) -> None:
     """Refuse to replace a folder that holds anything but the files we write into it.
 
     Raises:
