@@ -31,6 +31,26 @@ def test_the_wheel_carries_the_weights(tmp_path):
     assert not any(name.startswith("tests") for name in names)
 
 
+def test_public_names_are_shown_and_documented():
+    assert set(epinet.__all__) == {*epinet._HOMES, *epinet._MODULES}
+    assert set(epinet.__all__) <= set(dir(epinet))
+    for name in epinet.__all__:
+        assert getattr(epinet, name) is not None
+    reference = "".join(path.read_text() for path in (ROOT / "docs" / "reference").glob("*.md"))
+    for name, home in epinet._HOMES.items():
+        assert f"::: {home}.{name}\n" in reference, name
+    with pytest.raises(AttributeError, match="no attribute 'predict_all'"):
+        _ = epinet.predict_all
+
+
+def test_import_is_cheap():
+    """Neither torch nor anything else that is large is loaded before it is used."""
+    code = "import sys, epinet; dir(epinet); print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    large = {"torch", "numpy", "scipy", "matplotlib", "pydantic", "h5py", "typer", "PIL"}
+    assert not large & set(run.stdout.split())
+
+
 def test_what_is_imported_is_asked_for():
     """By pyproject.toml; OpenCV, of which there are several packages, is for films alone."""
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -77,6 +97,6 @@ def test_the_python_of_the_readme(tmp_path, monkeypatch):
     )
     monkeypatch.chdir(tmp_path)
     lf = LightField(np.ascontiguousarray(views.astype(np.uint8)))
-    epinet.write_light_field("scenes/antinous", lf, "hci")
+    epinet.write_light_field("scenes/scene_00000", lf, "hci")
     exec(compile(code, "README.md", "exec"), {})
-    assert (tmp_path / "out" / "antinous" / "disparity.pfm").exists()
+    assert (tmp_path / "out" / "scene_00000" / "disparity.pfm").exists()
