@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 
-.PHONY: setup demo test lint fuzz kill pathtraced clean
+.PHONY: setup demo test test-oldest lint docs fuzz kill pathtraced clean
 
 setup: $(STAMP)
 
@@ -25,6 +25,27 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# The site, into build/site; `make docs` again after a change.
+docs: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo look at build/site/index.html
+
+# Fast tests with the oldest versions that pyproject.toml allows, in an environment of its own (5 GB).
+OLDEST := .venv-oldest
+FAST := tests/commands/test_once.py tests/test_documents.py tests/test_terminal.py \
+	tests/io/test_images.py tests/io/test_round_trip.py tests/io/test_camera_file.py tests/geometry \
+	tests/effects tests/metrics tests/model/test_checkpoint.py tests/model/test_epinet.py \
+	tests/refine tests/predict/test_estimator.py tests/predict/test_result.py tests/benchmark/test_report.py
+
+test-oldest: $(OLDEST)/.ready
+	$(OLDEST)/bin/python -m pytest --disable-warnings $(FAST)
+
+$(OLDEST)/.ready: pyproject.toml constraints-oldest.txt
+	$(PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints-oldest.txt --editable . pytest hypothesis imageio opencv-python-headless
+	@touch $@
+
 # The long run of tests/fuzz, and kill -9 at random moments: docs/safety.md tells more.
 fuzz: setup
 	PYTHONPATH=.:tests/raw $(BIN)/python -m tests.fuzz $(FUZZ)
@@ -43,4 +64,4 @@ pathtraced: setup
 	$(BIN)/python -m epinet.synth.pathtraced $(CACHE)/pathtraced --assets $(ASSETS)
 
 clean:
-	rm -rf $(VENV) out .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) $(OLDEST) build out .pytest_cache .mypy_cache .ruff_cache

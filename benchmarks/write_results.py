@@ -87,9 +87,10 @@ def weights() -> Iterator[str]:
     yield (
         "How the 9x9 weights came about, run after run; where a line begins anew, the network had "
         "changed or learned with a high rate again. Each run was validated on the scenes of its "
-        "time, so that lines do not compare with each other, nor with the table: SweepNet's, and "
-        "so the scores in its weights' metadata, counted the mirrors that one of the 16 scenes "
-        "consists of; EPINET's first run saw slanted layers."
+        "time, so that lines do not compare with each other, nor with the table: SweepNet's first "
+        "nine runs counted the mirrors that one of the 16 scenes consists of; EPINET's first run "
+        "saw slanted layers. The scores in the metadata of SweepNet's weights are those of the "
+        "table."
     )
     yield "![held-out scores against minutes](../benchmarks/results/shipped_weights.png)"
 
