@@ -35,7 +35,7 @@ docs: setup
 OLDEST := .venv-oldest
 FAST := tests/commands/test_once.py tests/test_documents.py tests/test_terminal.py \
 	tests/io/test_images.py tests/io/test_round_trip.py tests/io/test_camera_file.py tests/geometry \
-	tests/effects tests/metrics tests/model/test_checkpoint.py tests/model/test_epinet.py \
+	tests/effects tests/metrics tests/networks/test_weights.py tests/networks/test_epinet.py \
 	tests/refine tests/predict/test_estimator.py tests/predict/test_result.py tests/benchmark/test_report.py
 
 test-oldest: $(OLDEST)/.ready

@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from epinet import geometry, io, metrics, synth
-    from epinet import model as networks
+    from epinet import geometry, io, metrics, networks, synth
     from epinet.camera import Camera
     from epinet.errors import InputError
     from epinet.io import read_light_field, read_pfm, write_light_field, write_pfm
     from epinet.lightfield import LightField
     from epinet.metrics.catalogue import benchmark_metrics
-    from epinet.model.checkpoint import load_weights, save_weights
+    from epinet.networks.weights import load_weights, save_weights
     from epinet.predict.estimator import Estimator, load_model
     from epinet.predict.result import Result
     from epinet.predict.stored import read_result
@@ -42,12 +41,12 @@ _HOMES = {
     "benchmark_metrics": "epinet.metrics.catalogue",
     "load_model": "epinet.predict.estimator",
     "load_recipe": "epinet.train.recipe_files",
-    "load_weights": "epinet.model.checkpoint",
+    "load_weights": "epinet.networks.weights",
     "read_light_field": "epinet.io",
     "read_pfm": "epinet.io",
     "read_result": "epinet.predict.stored",
     "render_scene": "epinet.synth.generator",
-    "save_weights": "epinet.model.checkpoint",
+    "save_weights": "epinet.networks.weights",
     "shipped_recipes": "epinet.train.recipe_files",
     "write_light_field": "epinet.io",
     "write_pfm": "epinet.io",
@@ -58,7 +57,7 @@ _MODULES = {
     "geometry": "epinet.geometry",
     "io": "epinet.io",
     "metrics": "epinet.metrics",
-    "networks": "epinet.model",
+    "networks": "epinet.networks",
     "recipes": "epinet.train.recipe_files",
     "synth": "epinet.synth",
 }

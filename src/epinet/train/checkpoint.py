@@ -87,8 +87,9 @@ def continuing(
     except InputError:
         raise
     except Exception as error:  # a damaged file makes torch raise anything
-        is_other = isinstance(error, ValidationError)
-        said = problems_of(error, "it", _Written)[0] if is_other else str(error)
+        said = str(error)
+        if isinstance(error, ValidationError):
+            said = problems_of(error, "it", _Written)[0]
         why = " ".join(said.split()) or type(error).__name__
         raise InputError(
             f"{path}: not a checkpoint that can be continued "
