@@ -48,10 +48,8 @@ def light_fields(folder: Path) -> Iterator[tuple[str, LightField]]:
 
 
 def digest(result: Result) -> str:
-    """Of the map and its confidence."""
-    arrays = (result.disparity, result.confidence)
-    data = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
-    return hashlib.sha256(data).hexdigest()[:16]
+    """Of the map."""
+    return hashlib.sha256(np.ascontiguousarray(result.disparity).tobytes()).hexdigest()[:16]
 
 
 def digests(folder: Path) -> dict[str, str]:
