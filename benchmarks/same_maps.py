@@ -10,7 +10,6 @@ ensemble.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import sys
@@ -22,6 +21,7 @@ import numpy as np
 import torch
 
 import epinet
+from epinet.arguments import Parser
 from epinet.lightfield import LightField
 from epinet.networks.weights import shipped_weights
 from epinet.predict.batch import find_light_fields
@@ -70,7 +70,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="of light fields")
     parser.add_argument("-o", "--output", type=Path, help="JSON to write")
     parser.add_argument("--than", type=Path, help="JSON written before, to compare with")

@@ -8,18 +8,18 @@ more than .02 px.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 
 import epinet
+from epinet.arguments import Parser
 
 WHOLE_MB = 1e5
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("lightfields", type=Path, nargs="+")
     parser.add_argument("--memory", type=float, default=40.0, help="MB; default: %(default)s")
     args = parser.parse_args()
