@@ -121,9 +121,9 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
     [
         (
             ["bach=4"],
-            "bach is not known; there are name, about, model, .*, validate_every$",
+            "bach is not known; there are views, .*, validate_every, .*, class_weight$",
         ),
-        (["model=net"], "model: there are .*sweepnet.*, not net"),
+        (["model=net"], "model 'net': there are sweepnet, epinet"),
         (["decay=linear"], "decay: .*'constant', 'exponential' or 'cosine'"),
         (
             ["model=sweepnet", "start=own", "patch_px=2", "shape={depth: 3}"],

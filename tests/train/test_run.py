@@ -45,18 +45,21 @@ CACHE = TemporaryDirectory()
 def command(**changes: object) -> list[str]:
     """`epinet train` of the small recipe, with changes."""
     values = [f"--set={key}={value}" for key, value in (CHANGES | changes).items()]
-    return [sys.executable, "-m", "epinet", "train", "--cache", CACHE.name, *values]
+    fixed = ["--recipe", "fast-9x9", "--cache", CACHE.name]
+    return [sys.executable, "-m", "epinet", "train", *fixed, *values]
 
 
 COMMAND = command()
 TOGETHER = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
 QUICK = """
 import json
+import logging
 import sys
 from pathlib import Path
 from epinet.train import run
 from epinet.train.recipe import Recipe
 from epinet.train.validation import Validation
+logging.basicConfig(level=logging.INFO, stream=sys.stdout)
 run.LOG_EVERY = 1
 recipe = Recipe.of(json.loads(sys.argv[1]))
 scenes = Validation.of_folders([Path(sys.argv[3])], recipe.views)
@@ -77,7 +80,7 @@ def run(held_out):
     scenes = Validation.of_folders([held_out], views=3)
 
     def made(folder: Path, recipe: Recipe = TINY, **kwargs) -> Run:
-        kwargs = {"cache": Path(CACHE.name), "say": lambda line: None} | kwargs
+        kwargs = {"cache": Path(CACHE.name)} | kwargs
         return Run(recipe, folder, validation=scenes, **kwargs)
 
     return made
@@ -632,7 +635,7 @@ def test_frozen_parts_keep_the_weights_they_start_from(held_out, tmp_path):
         name.partition(".")[0] for name in start if not torch.equal(start[name], after[name])
     }
     assert changed == {"refine"}
-    with pytest.raises(InputError, match="frozen: takes a SweepNet that starts from weights"):
+    with pytest.raises(InputError, match="frozen: takes a start from weights"):
         load_recipe("sweepnet", {"frozen": ["sweep"]})
     with pytest.raises(InputError, match="frozen"):
         load_recipe("sweepnet", values | {"frozen": ["eyes"]})

@@ -83,16 +83,17 @@ def test_rendered_scenes_are_no_mirrors():
     assert not all(np.isfinite(lf.truth).all() for lf in scenes.values())  # the law was put to use
 
 
-def test_of_a_folder_scenes_that_do_not_apply_are_left_out(scene, tmp_path):
+def test_of_a_folder_scenes_that_do_not_apply_are_left_out(scene, tmp_path, caplog):
+    caplog.set_level("INFO", "epinet.train.scenes")
     folder = tmp_path / "all" / "hci"
     write_light_field(folder / "training" / "boxes", scene, "hci")
     write_light_field(folder / "training" / "taken", scene, "hci")
     write_light_field(folder / "test" / "herbs", replace(scene, truth=None), "hci")
     np.save(folder / "map.npy", np.ones((40, 50)))
-    taken, notes = [folder / "training" / "taken"], []
-    found = Validation.of_folders([tmp_path / "all"], 3, taken, notes.append)
+    taken = [folder / "training" / "taken"]
+    found = Validation.of_folders([tmp_path / "all"], 3, taken)
     assert list(found.scenes) == ["boxes"]
-    assert sorted(notes) == [
+    assert sorted(record.message for record in caplog.records) == [
         f"left out: {folder / 'test' / 'herbs'}: no truth to validate with inside the border of 15 "
         "px",
         f"left out: {folder / 'training' / 'taken'}: is trained on; validate on other scenes",
