@@ -323,7 +323,7 @@ def weights_of_something_else(folder):
     return predicts(scene(folder), "--weights", folder / "w.safetensors")
 
 
-@case("model other: there are sweepnet, epinet")
+@case("model 'other': there are sweepnet, epinet")
 def unknown_model(folder):
     return predicts(scene(folder), "--model", "other")
 

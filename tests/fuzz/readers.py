@@ -49,6 +49,7 @@ from epinet.synth.generator import generator
 from epinet.synth.photographs import Photographs
 from epinet.train.log import Log
 from epinet.train.optimisers import Optimisers
+from epinet.train.parallel import ALONE
 from epinet.train.recipe_files import load_recipe, parse_changes
 from epinet.train.run import Run
 
@@ -369,7 +370,7 @@ def begun(folder: Path) -> Run:
     """A run without scenes, to write and read its checkpoint."""
     run = Run.__new__(Run)
     run.recipe = load_recipe("fast-9x9", {"averaging": 0.0})
-    run.folder, run.device, run.say = folder, torch.device("cpu"), lambda line: None
+    run.folder, run.device, run.team = folder, torch.device("cpu"), ALONE
     run.net = Epinet(EpinetConfig(views=3, stream_width=2))
     run.averaged, run._validation = None, None
     run.optimisers = Optimisers(run.net, run.recipe)

@@ -179,7 +179,8 @@ def shipped_weights(model: str | None = None) -> dict[str, Path]:
     """
     names = OURS if model is None else [model]
     folders = [folder_of_weights(network_type(name)) for name in names]
-    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.safetensors"))}
+    paths = [path for folder in folders for path in folder.glob("*.safetensors")]
+    return {path.stem: path for path in sorted(paths, key=lambda path: path.stem)}
 
 
 def load_weights(path: Path | str) -> Weights:

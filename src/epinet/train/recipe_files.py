@@ -93,6 +93,8 @@ def changed_recipe(
         if "data" in values:
             raise InputError("--data and --set data=...: both say what to learn from; give one")
         values["data"] = [_source(d) for d in data]
+        if any("folder" in source for source in values["data"]):
+            values.setdefault("mirror_weight", 0.0)  # of folders' mirrors nothing can be learned
     recipe = load_recipe(name, values)
     unknown = sorted(set(without) - set(AUGMENTATIONS))
     if unknown:
