@@ -133,6 +133,7 @@ def test_a_recipe_file_may_be_based_on_another(tmp_path):
             ["model=sweepnet", "start=own", "patch_px=2", "shape={half: {width: 3}}"],
             "shape: half.width is not known; there are ",
         ),
+        (["streams=3"], "streams: Input should be 1, 2 or 4, not 3"),
         (["batch=0"], "batch: .*greater than or equal to 1.*not 0"),
         (["batch=16", "shards=3"], "a batch of 16 cannot be split in 3 shards"),
         (["views=4"], r"views must be one of \(3, 5, 7, 9\), not 4"),

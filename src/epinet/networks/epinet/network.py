@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import torch
 from pydantic import Field, model_validator
@@ -16,7 +16,6 @@ from epinet.networks.base import Batch, Network, Progress, Settings
 from epinet.networks.epinet.classes import add_classes, classes_of, remove_classes
 from epinet.networks.epinet.layers import (
     MARGIN_PX,
-    STREAM_COUNTS,
     EpinetConfig,
     Layers,
     ViewConv,
@@ -48,7 +47,7 @@ class EpinetSettings(Settings):
     start: str = GLOROT
     """Starting weights: "glorot", Keras' default; "differences", He's on differences to the centre
     view; or trained ones: a file, or the name of shipped ones."""
-    streams: int = 4
+    streams: Literal[1, 2, 4] = 4
     width: Annotated[int, Field(ge=1, le=512)] = 70
     """Channels of each of the streams where there are four, as published; fewer are as much wider
     as gives equal parameters. What a narrow network learned can start a wide one."""
@@ -65,8 +64,6 @@ class EpinetSettings(Settings):
     def _possible_for_epinet(self) -> Self:
         if self.shape:
             raise ValueError("shape: EPINET's follows from views, streams and width")
-        if self.streams not in STREAM_COUNTS:
-            raise ValueError(f"streams must be one of {STREAM_COUNTS}, not {self.streams}")
         if self.identity and not self.from_scratch:
             raise ValueError("identity: takes a start from scratch, not from weights")
         return self
