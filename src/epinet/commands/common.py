@@ -39,7 +39,11 @@ WeightsOption = Annotated[
     ),
 ]
 ModelOption = Annotated[
-    str | None, typer.Option(help="The network: sweepnet (the default) or epinet.")
+    str | None,
+    typer.Option(
+        help="The network: sweepnet (the default), epinet, or one of your own, "
+        "my_package.my_module:MyNet, whose code is run."
+    ),
 ]
 DeviceOption = Annotated[
     str | None, typer.Option(help="cpu, cuda, cuda:1, ...; default: the GPU if there is one.")

@@ -2,7 +2,7 @@
 
 A network is a class of its own in a folder of its own. Nothing outside that folder asks which
 network it has in hand: to predict, to train, to keep and to load one, the program calls what
-stands here. docs/extend.md shows how to write one.
+stands here. docs/how-to/extend.md shows how to write one.
 """
 
 from __future__ import annotations
@@ -137,7 +137,12 @@ class Network(nn.Module, Generic[S]):
         """A few words for people."""
         views = self.views
         sides = f"{views[-1]}x{views[-1]} to " * (len(views) > 1) + f"{views[0]}x{views[0]}"
-        return f"{type(self).__name__}, {sides} views, {_parameters(self):,} parameters"
+        return f"{type(self).__name__}, {sides} views, {self.parameter_count:,} parameters"
+
+    @property
+    def parameter_count(self) -> int:
+        """Numbers that training changes."""
+        return sum(p.numel() for p in self.parameters())
 
     # To predict.
 
@@ -241,7 +246,3 @@ class Network(nn.Module, Generic[S]):
 def config_as_dict(net: Network[Any]) -> dict[str, Any]:
     """A network's configuration, for JSON."""
     return asdict(net.config)
-
-
-def _parameters(net: nn.Module) -> int:
-    return sum(p.numel() for p in net.parameters())

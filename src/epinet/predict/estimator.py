@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +25,7 @@ from epinet.inspect.sweep import star_of_stacks
 from epinet.io.array import check_range
 from epinet.io.problems import Problems
 from epinet.lightfield import LightField
-from epinet.networks.base import Network
+from epinet.networks.base import Network, Progress
 from epinet.networks.registry import DEFAULT_MODEL, network_type
 from epinet.networks.weights import Weights, load_weights, shipped_weights
 from epinet.predict.doubts import doubts_about_search
@@ -36,8 +35,6 @@ from epinet.predict.result import Result
 from epinet.synth.options import RANGES_PX
 
 DEFAULT_MEMORY_MB = 1536.0
-
-Progress = Callable[[float], None]
 
 
 class _Map(NamedTuple):

@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 import torch
 from pydantic import (
     BaseModel,
-    ConfigDict,
     Field,
     TypeAdapter,
     ValidationError,
@@ -34,12 +33,10 @@ PAPER = "epinet"
 """The network that recipes are for which name none."""
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Data(_Model):
+class Data(BaseModel):
     """One source of scenes: the generator, or a folder."""
+
+    model_config = Settings.model_config
 
     generator: Literal["narrow", "hci", "wide"] | None = None
     """Scenes of this range of disparities, rendered as they are needed."""

@@ -100,10 +100,9 @@ class Epinet(Layers, Network[EpinetSettings]):
         return self.config.streams
 
     def describe(self) -> str:
-        parameters = sum(p.numel() for p in self.parameters())
         return (
             f"EPINET, {self.config.streams} streams of {self.config.views} views, "
-            f"{parameters:,} parameters"
+            f"{self.parameter_count:,} parameters"
         )
 
     def estimate(self, stacks: Tensor, range_px: tuple[float, float]) -> tuple[Tensor, None]:

@@ -41,7 +41,7 @@ from epinet.networks.sweepnet.layers import (
     enlarged_by,
     halved,
 )
-from epinet.networks.sweepnet.loss import sweepnet_loss
+from epinet.networks.sweepnet.loss import MARGIN_PX, sweepnet_loss
 from epinet.networks.sweepnet.matching import OUTERMOST, PARTS, Views, enlarged
 
 SPAN = 12.0
@@ -69,6 +69,7 @@ class SweepNet(Network[SweepNetSettings]):
 
     Config = SweepNetConfig
     Settings = SweepNetSettings
+    margin_px = MARGIN_PX
     floats_per_px = 800
     """Measured; see benchmarks/memory.py."""
 
@@ -163,10 +164,6 @@ class SweepNet(Network[SweepNetSettings]):
                 disparity, log_error = at_full(views, disparity, context)
                 maps.append(at_full_size(disparity, level))
         return maps, log_error
-
-    def describe(self) -> str:
-        parameters = sum(p.numel() for p in self.parameters())
-        return f"SweepNet, 3x3 to 9x9 views, {parameters:,} parameters"
 
     def estimate(
         self, stacks: Tensor, range_px: tuple[float, float]
